@@ -1,0 +1,247 @@
+#!/usr/bin/env python3
+"""Make the environment in .venv/, then do one job of the book.
+
+    python3 run.py book               run every chapter and build the site into build/html
+    python3 run.py test [-- ARGS]     unit tests (ARGS go to pytest), then every notebook
+    python3 run.py lab [-- ARGS]      open the chapters in JupyterLab (ARGS go to it)
+    python3 run.py notebooks [NAME]   write the .ipynb twins of the chapters, with their outputs
+
+Standard library only, on Linux, macOS and Windows: this file runs before anything is installed.
+"""
+
+from __future__ import annotations  # so that an old Python reaches the sentence in check_python
+
+import argparse
+import hashlib
+import importlib.util
+import json
+import os
+import platform
+import re
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+STAMP = Path(".venv", "installed.sha256")  # which environment.txt the .venv/ was made from
+MINIMUM = (3, 11)
+NEEDED_GB = 6  # PyTorch with its CUDA libraries, and as much again while pip unpacks it
+TIERS = ("replay", "quick", "full")
+TAIL = 15  # lines shown of a chapter's traceback
+
+
+class Stop(Exception):
+    """The reader has to do something first; the message is one sentence saying what."""
+
+
+def say(text: str) -> None:
+    if text:
+        print(text, flush=True)  # flushed, so that it stands before what a child prints
+
+
+def check_python(version: tuple, whose: str = "this one") -> None:
+    if tuple(version[:2]) < MINIMUM:
+        need, have = (".".join(map(str, v[:2])) for v in (MINIMUM, version))
+        raise Stop(f"The book needs Python {need} or newer; {whose} is {have}.")
+
+
+def check_venv_modules(find=importlib.util.find_spec) -> None:
+    missing = [name for name in ("venv", "ensurepip") if find(name) is None]
+    if missing:
+        raise Stop(
+            f"This Python cannot make a virtual environment: its module {missing[0]} is missing "
+            "(on Debian and Ubuntu: sudo apt install python3-venv)."
+        )
+
+
+def check_disk(free_bytes: int) -> None:
+    if free_bytes < NEEDED_GB * 1e9:
+        raise Stop(
+            f"The first installation needs {NEEDED_GB} GB of free disk space, "
+            f"and there are {free_bytes / 1e9:.1f} GB."
+        )
+
+
+def recording_note(version: tuple, system: str, machine: str) -> str:
+    """What a reader misses where PyBullet has no wheel; nothing where it has one."""
+    if tuple(version[:2]) < (3, 12) and (system, machine) == ("linux", "x86_64"):
+        return ""
+    return (
+        "Note: new recordings cannot be made here, because PyBullet has a wheel only for "
+        "Python 3.11 on Linux x86_64; everything else works."
+    )
+
+
+def venv_python(root: Path = ROOT, windows: bool = os.name == "nt") -> Path:
+    return root / ".venv" / ("Scripts/python.exe" if windows else "bin/python")
+
+
+def venv_version(root: Path = ROOT) -> tuple:
+    """The version an existing .venv was made with, which need not be ours."""
+    text = (root / ".venv" / "pyvenv.cfg").read_text(encoding="utf-8")
+    found = re.search(r"^version(?:_info)?\s*=\s*(\d+)\.(\d+)", text, re.MULTILINE)
+    return tuple(map(int, found.groups())) if found else tuple(sys.version_info[:2])
+
+
+def fingerprint(root: Path = ROOT) -> str:
+    """Changes when an installation would: it covers the two files that decide one."""
+    digest = hashlib.sha256()
+    for name in ("environment.txt", "pyproject.toml"):
+        digest.update((root / name).read_bytes())
+    return digest.hexdigest()
+
+
+def is_installed(root: Path = ROOT) -> bool:
+    stamp = root / STAMP
+    return stamp.exists() and stamp.read_text(encoding="utf-8") == fingerprint(root)
+
+
+def install_commands(python: Path, uv: str | None) -> list:
+    installer = [str(python), "-m", "pip", "install", "--disable-pip-version-check"]
+    if uv:
+        installer = [uv, "pip", "install", "--python", str(python)]
+    # The package itself comes without dependencies: environment.txt has pinned them all.
+    return [
+        [*installer, "--quiet", "-r", "environment.txt"],
+        [*installer, "--quiet", "--no-deps", "-e", "."],
+    ]
+
+
+def child_environment(environ: dict, tier: str | None = None) -> dict:
+    """The environment of everything started here: one thread per process, no random hashes."""
+    child = dict(environ)
+    child["PTAE_TIER"] = tier or environ.get("PTAE_TIER") or TIERS[0]
+    child["OMP_NUM_THREADS"] = "1"  # two kernels at once would otherwise fight for the cores
+    child["PYTHONHASHSEED"] = "0"
+    child["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"  # silences a warning of the debugger
+    if "PIP_FIND_LINKS" in environ:
+        child.setdefault("UV_FIND_LINKS", environ["PIP_FIND_LINKS"])  # uv does not read pip's
+    return child
+
+
+def call(command: list, env: dict) -> int:
+    """Run a command in the repository and wait for it; Ctrl-C is the child's to answer."""
+    process = subprocess.Popen([str(part) for part in command], cwd=ROOT, env=env)
+    while True:
+        try:
+            return process.wait()
+        except KeyboardInterrupt:
+            continue  # JupyterLab asks whether to stop; pytest and Sphinx end by themselves
+
+
+def ensure_environment(env: dict) -> Path:
+    """Make .venv/ if there is none, install if the pinned files changed; its Python."""
+    python = venv_python()
+    if not python.exists():
+        check_venv_modules()
+        check_disk(shutil.disk_usage(ROOT).free)
+        say("Making the virtual environment .venv/ ...")
+        if call([sys.executable, "-m", "venv", ROOT / ".venv"], env):
+            raise Stop("The virtual environment could not be made; the messages above say why.")
+    version = venv_version()
+    check_python(version, "the one in .venv/ (delete that folder to have it made anew)")
+    if is_installed():
+        return python
+    say(recording_note(version, sys.platform, platform.machine()))
+    uv = shutil.which("uv")
+    say(f"Installing environment.txt with {uv or 'pip'} (minutes, the first time) ...")
+    start = time.monotonic()
+    for command in install_commands(python, uv):
+        if call(command, env):
+            raise Stop(
+                "The packages could not be installed; the messages above say why, "
+                "and the same command tries again."
+            )
+    (ROOT / STAMP).write_text(fingerprint(), encoding="utf-8")
+    say(f"Installed in {time.monotonic() - start:.0f} s.")
+    return python
+
+
+def chapter_lines(times: dict) -> list:
+    """One line per chapter: its seconds, and for a failed one the end of its traceback."""
+    lines = []
+    width = max(map(len, times), default=0)
+    for name in sorted(times):
+        chapter = times[name]
+        state = "FAILED after" if chapter["traceback"] else "ran in"
+        lines.append(f"{name:<{width}}  {state} {chapter['seconds'] or 0:.1f} s")
+        tail = (chapter["traceback"] or "").strip().splitlines()[-TAIL:]
+        lines.extend("    " + line for line in tail)
+    return lines
+
+
+def book(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Run every chapter and build the site into build/html."""
+    record = ROOT / "build" / "chapter_times.json"
+    record.unlink(missing_ok=True)  # never show the times of an earlier run
+    say(f"Running every chapter (tier {env['PTAE_TIER']}) and building the site ...")
+    # A fresh environment makes Sphinx read, and so execute, every chapter; two at a time.
+    command = [python, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-E", "-a", "-j", "2"]
+    status = call([*command, "-d", "build/doctrees", "book", "build/html"], env)
+    if record.exists():
+        say("\n".join(["", *chapter_lines(json.loads(record.read_text(encoding="utf-8")))]))
+    if status == 0:
+        say(f"Open {Path('build', 'html', 'index.html')}")
+    else:
+        say("The book was not built; the messages above say why.")
+    return 1 if status else 0
+
+
+def test(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Unit tests, then every notebook."""
+    pytest = [python, "-m", "pytest", "--durations=10"]
+    units = call([*pytest, "--junitxml=build/junit-unit.xml", *args.extra], env)
+    # loadfile: the cells of one notebook share a kernel, so they must stay with one worker.
+    nbval = ["--nbval-lax", "--nbval-cell-timeout=300", "-n", "2", "--dist", "loadfile"]
+    books = call([*pytest, *nbval, "--junitxml=build/junit-notebooks.xml", "book"], env)
+    for name, status in (("unit tests", units), ("notebooks", books)):
+        say(f"{name}: {'passed' if status == 0 else 'FAILED'}")
+    return 1 if units or books else 0
+
+
+def lab(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Open the chapters in JupyterLab, reachable from this machine only."""
+    command = [python, "-m", "jupyter", "lab", "--ip=127.0.0.1", "--ServerApp.root_dir=book"]
+    return call([*command, *args.extra], env)
+
+
+def notebooks(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Write the .ipynb twins of the chapters, with their outputs."""
+    return call([python, "-m", "ptae_lite.display.pairs", *args.names], env)
+
+
+def parse(argv: list) -> argparse.Namespace:
+    own, extra = argv, []
+    if "--" in argv:
+        own, extra = argv[: argv.index("--")], argv[argv.index("--") + 1 :]
+    parser = argparse.ArgumentParser(prog="run.py", description=__doc__.split("\n\n")[0])
+    jobs = parser.add_subparsers(dest="job", required=True, metavar="JOB")
+    for job in (book, test, lab, notebooks):
+        sub = jobs.add_parser(job.__name__, help=job.__doc__)
+        sub.set_defaults(run=job, tier=None)
+        if job in (book, test):
+            sub.add_argument("--tier", choices=TIERS, help="stored results, short or full runs")
+        if job is notebooks:
+            sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
+    args = parser.parse_args(own)
+    if extra and args.run not in (test, lab):
+        parser.error(f"{args.job} takes no arguments after --")
+    args.extra = extra
+    return args
+
+
+def main(argv: list) -> int:
+    try:
+        check_python(sys.version_info)
+        args = parse(argv)
+        env = child_environment(os.environ, args.tier)
+        return args.run(ensure_environment(env), env, args)
+    except Stop as stop:
+        print(stop, file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,193 @@
+"""The command line: `python -m ptae_lite record|features|train|evaluate`.
+
+Every command shows its progress on the error stream, and with `--json` prints one line of results.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+
+import torch
+from tqdm import tqdm
+
+from ptae_lite.errors import PTAEError
+
+RECORDING = "build/recording"
+
+
+def bar(items, **options):
+    """A progress bar on the error stream."""
+    return tqdm(items, file=sys.stderr, dynamic_ncols=True, **options)
+
+
+def do_record(options) -> dict:
+    from ptae_lite import frames
+    from ptae_lite.robot import recorder
+
+    folder = Path(options.out)
+    if folder.resolve().is_relative_to(_data_folder()):
+        raise PTAEError("data/ holds what the book is built on; record into build/recording/")
+    done = list(folder.glob("sequences/*.npz"))
+    left = 864 - len(done)
+    recorder.record(
+        folder,
+        workers=options.workers,
+        progress=lambda runs: bar(runs, total=left, desc="recording", unit=" samples"),
+    )
+    frames.write(folder)
+    return {"recording": str(folder), "samples": 864, "recorded_now": left}
+
+
+def do_features(options) -> dict:
+    from ptae_lite import artefacts, vision
+    from ptae_lite.dataset import write_features
+    from ptae_lite.robot.recorder import check_ours, load_sequence, samples_in_order
+
+    eye_file = Path(options.eye) if options.eye else artefacts.stored("weights/cae.safetensors")
+    eye = vision.load_eye(eye_file)
+    check_ours(options.data, same_scene=False)
+    torch.set_num_threads(options.threads)
+    parts = [
+        vision.encode_images(eye, load_sequence(options.data, *sample).images)
+        for sample in bar(samples_in_order(), desc="features", unit=" samples")
+    ]
+    path = Path(options.data) / "features.npz"
+    write_features(path, parts, eye_file)
+    return {"features": str(path), "frames": sum(len(part) for part in parts)}
+
+
+def do_train(options) -> dict:
+    torch.set_num_threads(options.threads)
+    if options.model in ("cae", "plain-cae"):
+        return _train_eye(options)
+    from ptae_lite import dataset, training
+    from ptae_lite.evaluation import evaluate
+    from ptae_lite.models import checkpoint
+
+    samples = dataset.load(options.data)
+    recipe = training.Recipe(seed=options.seed)
+    if options.epochs:
+        recipe = training.Recipe(seed=options.seed, epochs=options.epochs)
+    split = "fit" if options.held_out else "train"
+    labelled = None
+    if options.labelled:
+        labelled = training.label(samples.split(split), options.labelled, options.seed)
+    trained = training.train(
+        samples, recipe, split=split, labelled=labelled,
+        progress=lambda epochs: bar(epochs, desc="PTAE", unit=" epochs"),
+    )  # fmt: skip
+    checkpoint.save(options.out, trained)
+    scores = evaluate(trained, samples, "held_out") if options.held_out else {}
+    return {"weights": str(options.out), "steps": trained.about["steps"]} | _rounded(scores)
+
+
+def do_evaluate(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.evaluation import evaluate
+    from ptae_lite.models import checkpoint
+
+    torch.set_num_threads(options.threads)
+    trained = checkpoint.load(options.weights)
+    return _rounded(evaluate(trained, dataset.load(options.data), options.split))
+
+
+def _rounded(scores: dict) -> dict:
+    return {name: round(value, 3) for name, value in scores.items()}
+
+
+def _train_eye(options) -> dict:
+    from ptae_lite import frames, vision
+
+    recipe = vision.EyeRecipe(seed=options.seed)
+    if options.epochs:
+        raise PTAEError("a CAE is trained by --steps, not by --epochs")
+    if options.steps:
+        recipe = vision.EyeRecipe(seed=options.seed, steps=options.steps)
+    eye = vision.make_eye("separated" if options.model == "cae" else "plain", options.code)
+    images = frames.training_images(options.data)
+    losses = vision.train_eye(
+        eye, images, recipe, progress=lambda steps: bar(steps, desc="CAE", unit=" steps")
+    )
+    vision.save_eye(options.out, eye, recipe)
+    return {"weights": str(options.out), "loss": round(sum(losses[-100:]) / len(losses[-100:]), 4)}
+
+
+def _data_folder() -> Path:
+    from ptae_lite import artefacts
+
+    return artefacts.DATA.resolve()
+
+
+def parser() -> argparse.ArgumentParser:
+    main = argparse.ArgumentParser(
+        prog="python -m ptae_lite", description="Record, train and evaluate PTAE-lite's models."
+    )
+    commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name, run, text):
+        made = commands.add_parser(
+            name, help=text, description=text, formatter_class=argparse.ArgumentDefaultsHelpFormatter
+        )
+        made.set_defaults(run=run)
+        made.add_argument("--json", action="store_true", help="print one line of JSON")
+        return made
+
+    record = command("record", do_record, "Record all 864 samples with the simulated robot.")
+    record.add_argument("--out", default=RECORDING, help="folder to record into, or to go on with")
+    record.add_argument("--workers", type=int, default=2, help="processes side by side")
+
+    features = command("features", do_features, "Turn all recorded frames into CAE features.")
+    features.add_argument("--data", default=RECORDING, help="a recording's folder")
+    features.add_argument("--eye", help="weights of a CAE (default: the stored one)")
+    features.add_argument("--threads", type=int, default=2, help="threads for the CAE")
+
+    train = command("train", do_train, "Train a model and write its weights.")
+    train.add_argument("model", choices=("ptae", "cae", "plain-cae"), help="what to train")
+    train.add_argument("--data", default="recording",
+                       help="'recording' for the stored features, or a recording's folder")  # fmt: skip
+    train.add_argument("--seed", type=int, default=0, help="seed of weights and batches")
+    train.add_argument("--epochs", type=int, help="epochs of PTAE (default: the recipe's)")
+    train.add_argument("--labelled", type=float, metavar="PERCENT",
+                       help="share of the training samples that have a label")  # fmt: skip
+    train.add_argument("--held-out", action="store_true",
+                       help="keep 18 training patterns aside and score on them")  # fmt: skip
+    train.add_argument("--steps", type=int, help="steps of a CAE (default: the recipe's)")
+    train.add_argument("--code", type=int, default=10, help="features of a CAE (a channel)")
+    train.add_argument("--threads", type=int, default=1, help="threads inside one training")
+    train.add_argument("--out", required=True, help="safetensors file to write")
+
+    test = command("evaluate", do_evaluate, "Score a trained model, in percent.")
+    test.add_argument("weights", help="safetensors file that `train` wrote")
+    test.add_argument("--data", default="recording",
+                      help="'recording' for the stored features, or a recording's folder")  # fmt: skip
+    test.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
+    test.add_argument("--threads", type=int, default=1, help="threads")
+    return main
+
+
+def main(arguments=None) -> int:
+    options = parser().parse_args(arguments)
+    begun = time.perf_counter()
+    try:
+        result = options.run(options)
+    except PTAEError as error:
+        print(f"{options.command}: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print(f"{options.command}: stopped; what was finished is kept", file=sys.stderr)
+        return 130
+    result["seconds"] = round(time.perf_counter() - begun, 1)
+    if options.json:
+        print(json.dumps(result))
+    else:
+        for name, value in result.items():
+            print(f"{name:28} {value}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

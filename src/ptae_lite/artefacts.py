@@ -1,0 +1,132 @@
+"""The stored files in `data/`: found, checked against the manifest, read and written.
+
+`data/MANIFEST.json` says of each file its hash, its size and where it came from. Nothing that is
+loaded here can run code: weights are safetensors, arrays are npz without pickled objects.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import subprocess
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+
+from ptae_lite.errors import ArtefactError
+
+ROOT = Path(__file__).resolve().parents[2]
+DATA = ROOT / "data"
+MANIFEST = "MANIFEST.json"
+RECORDED_WITH = ("torch", "numpy", "pybullet")
+
+
+def manifest(data: Path | None = None) -> dict:
+    """The manifest's entries by file name."""
+    path = (data or DATA) / MANIFEST
+    if not path.is_file():
+        raise ArtefactError(
+            f"{path} is missing, so no stored file can be trusted; "
+            "work in a complete checkout, or restore it with: git checkout data"
+        )
+    return json.loads(path.read_text())
+
+
+def stored(name: str, data: Path | None = None) -> Path:
+    """Path of a stored file, once it is known to be whole.
+
+    Raises:
+        ArtefactError: with the name, the expected hash and the command that makes the file again.
+    """
+    data = data or DATA
+    entries = manifest(data)
+    if name not in entries:
+        raise ArtefactError(f"no stored file {name!r}; there are {', '.join(sorted(entries))}")
+    entry, path = entries[name], data / name
+    mend = (
+        f"restore it with: git checkout data/{name} "
+        f"(it was made with: {entry['command']}; expected SHA-256 {entry['sha256']})"
+    )
+    if not path.is_file():
+        raise ArtefactError(f"data/{name} is missing; {mend}")
+    status = path.stat()
+    if sha256(path, status.st_mtime_ns, status.st_size) != entry["sha256"]:
+        raise ArtefactError(f"data/{name} is damaged: its SHA-256 is not the manifest's; {mend}")
+    return path
+
+
+@lru_cache(maxsize=64)
+def sha256(path: Path, *_stamp) -> str:
+    """Hash of a file. Pass its time and size as well where it is asked for more than once."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def register(name: str, *, command: str, seed: int | None, minutes: float, data=None) -> dict:
+    """Write or renew the manifest's entry of a file that has just been put into `data/`."""
+    data = data or DATA
+    path = data / name
+    entries = manifest(data) if (data / MANIFEST).exists() else {}
+    status = path.stat()
+    entries[name] = {
+        "sha256": sha256(path, status.st_mtime_ns, status.st_size),
+        "bytes": status.st_size,
+        "command": command,
+        "commit": _commit(),
+        "seed": seed,
+        "minutes": round(minutes, 1),
+        "versions": {"python": platform.python_version()} | _versions(),
+    }
+    text = json.dumps(dict(sorted(entries.items())), indent=1)
+    (data / MANIFEST).write_text(text + "\n")
+    return entries[name]
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in RECORDED_WITH:
+        try:
+            found[package] = version(package)
+        except ImportError:
+            continue
+    return found
+
+
+def _commit() -> str:
+    run = subprocess.run(
+        ["git", "rev-parse", "--short=12", "HEAD"], cwd=ROOT, capture_output=True, text=True
+    )
+    return run.stdout.strip() or "unknown"
+
+
+def save_weights(path, tensors: dict, about: dict) -> None:
+    """Write weights with what they are (`about`, as JSON) into one safetensors file.
+
+    The file appears whole or not at all.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(path.name + ".part")
+    tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
+    save_file(tensors, beside, metadata={"about": json.dumps(about, sort_keys=True)})
+    beside.replace(path)
+
+
+def load_weights(path) -> tuple[dict, dict]:
+    """Read what `save_weights` wrote: tensors by name, and `about`."""
+    path = Path(path)
+    if not path.is_file():
+        raise ArtefactError(
+            f"{path} is missing; train a model with: python -m ptae_lite train ptae --out {path}"
+        )
+    try:
+        with safe_open(path, framework="pt") as file:
+            about = json.loads((file.metadata() or {})["about"])
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, KeyError, ValueError, OSError) as error:
+        raise ArtefactError(f"{path} holds no weights of ours ({error}); train it again") from None
+    return tensors, about

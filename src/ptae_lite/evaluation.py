@@ -1,0 +1,138 @@
+"""How good is a model: sentence accuracy, joint error, and what to compare them with.
+
+All numbers are percent. A sentence is right if it is any of the eight that say the meaning, so
+guessing is right once in 36 (2.78 %). NRMSE is the root mean square joint error over the range of
+that joint in the training samples.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+
+from ptae_lite.dataset import MAX_FRAMES, Samples, Scaling
+from ptae_lite.language import MEANINGS, decode, patterns, says
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.models.ptae import Answer
+from ptae_lite.signals import STEPS, WIRING, Batch, Source, build, signal_number
+
+CHANCE = 100 / len(MEANINGS)
+
+
+def alternatives_for(count: int, seed: int = 0) -> Int[torch.Tensor, " S"]:
+    """Which of its eight sentences each sample is given in an evaluation; fixed by the seed."""
+    return torch.from_numpy(np.random.default_rng([8, seed]).integers(0, 8, count))
+
+
+@torch.no_grad()
+def respond(
+    trained: Trained, source: Source, samples, signal: str, *, change=lambda batch: batch, size=108
+) -> Answer:
+    """A model's answers to one signal, for all `samples` in order.
+
+    `change` may alter each batch first: that is how controls and conflicts are put in.
+    """
+    samples = torch.as_tensor(np.asarray(samples))
+    number = signal_number(signal)
+    alternative = alternatives_for(len(source.frames))[samples]
+    answers = []
+    for i in range(0, len(samples), size):
+        part = samples[i : i + size]
+        signals = torch.full((len(part),), number)
+        batch: Batch = build(source, part, signals, alternative[i : i + size])
+        answers.append(trained.model(change(batch)))
+    return Answer(*(torch.cat(column) for column in zip(*answers, strict=True)))
+
+
+def sentences(answer: Answer) -> list[str]:
+    """The words that a model said."""
+    return [decode(indices) for indices in answer.words.argmax(2)]
+
+
+def correct(answer: Answer, samples: Samples, indices) -> Bool[np.ndarray, " M"]:
+    """Which answers are one of the eight sentences of their sample's meaning, EOS included."""
+    said = answer.words.argmax(2).numpy()
+    meanings = [patterns()[i].meaning for i in samples.pattern[indices]]
+    return np.array([says(out, meaning) for out, meaning in zip(said, meanings, strict=True)])
+
+
+def poses(answer: Answer, scaling: Scaling) -> Float[np.ndarray, "M 99 5"]:
+    """Predicted joints 2 to 100 in the data's own unit (radians in our recording)."""
+    return scaling.joints_back(answer.joints.numpy().astype(float))
+
+
+def nrmse(
+    predicted: Float[np.ndarray, "M 99 5"], samples: Samples, indices, scaling: Scaling
+) -> tuple[float, float]:
+    """NRMSE in percent: by the paper's definition, and over valid frames only.
+
+    The paper's divides by all 99 steps, padded ones included, which makes it smaller by the root
+    of the share of valid steps (0.87 on a balanced set).
+    """
+    truth = samples.joints[indices][:, 1:]
+    valid = (np.arange(1, MAX_FRAMES) < samples.frames[indices, None])[..., None]
+    squares = (((predicted - truth) / scaling.joint_range) ** 2) * valid
+    per_step = squares.sum() / squares.shape[2]
+    return (
+        100 * float(np.sqrt(per_step / (len(truth) * STEPS))),
+        100 * float(np.sqrt(per_step / valid.sum())),
+    )
+
+
+def evaluate(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:
+    """The numbers of the paper's tables for one split, in percent."""
+    source = Source(trained.dataset(samples))
+    indices = samples.split(split)
+    results = {}
+    for signal in ("describe", "repeat language"):
+        right = correct(respond(trained, source, indices, signal), samples, indices)
+        results[f"{signal.replace(' ', '_')}_accuracy"] = 100 * float(right.mean())
+    for signal in ("execute", "repeat action"):
+        made = poses(respond(trained, source, indices, signal), trained.scaling)
+        name = f"{signal.replace(' ', '_')}_nrmse"
+        results[name], results[f"{name}_valid"] = nrmse(made, samples, indices, trained.scaling)
+    return results
+
+
+def target_poses(samples: Samples, indices, signal: str) -> Float[np.ndarray, "M 99 5"]:
+    """The joints that a signal asks for, in the data's unit: the clip, or a pose held still."""
+    joints = samples.joints[indices]
+    kind = WIRING[signal].joints
+    if kind == "clip":
+        return joints[:, 1:]
+    at = 0 if kind == "first" else samples.frames[indices] - 1
+    return np.repeat(joints[np.arange(len(joints)), at][:, None], STEPS, axis=1)
+
+
+def references(samples: Samples, scaling: Scaling, split: str = "test") -> dict[str, tuple]:
+    """What NRMSE (paper's, valid) a model gets that knows little: the scale to read ours by.
+
+    Each predicts the mean training trajectory of the clips that agree in what it knows.
+    """
+    indices, known = samples.split(split), samples.split("train")
+    groups = {
+        "hold the first pose": None,
+        "mean trajectory": ("speed",),
+        "mean of action word": ("speed", "action"),
+        "mean of action word and side": ("speed", "action", "side"),
+    }
+    results = {}
+    for name, aspects in groups.items():
+        if aspects is None:
+            made = np.repeat(samples.joints[indices][:, :1], STEPS, axis=1)
+        else:
+            made = _group_means(samples, indices, known, aspects)
+        results[name] = nrmse(made, samples, indices, scaling)
+    return results
+
+
+def _group_means(samples, indices, known, aspects):
+    def key(i):
+        return tuple(getattr(patterns()[samples.pattern[i]], aspect) for aspect in aspects)
+
+    groups: dict = {}
+    for i in known:
+        groups.setdefault(key(i), []).append(i)
+    means = {k: samples.joints[group][:, 1:].mean(0) for k, group in groups.items()}
+    return np.stack([means[key(i)] for i in indices])

@@ -1,0 +1,61 @@
+"""A trained model in one file: weights, sizes, scaling, recipe, and the eye it sees through."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import torch
+from torch import nn
+
+from ptae_lite import artefacts
+from ptae_lite.dataset import Dataset, Samples, Scaling, prepare
+from ptae_lite.errors import ArtefactError
+from ptae_lite.models.ptae import PTAE, PTAEConfig
+
+MODELS = {"ptae": (PTAE, PTAEConfig)}
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A model with everything that is needed to use it."""
+
+    model: nn.Module
+    scaling: Scaling
+    about: dict  # kind, config, eye, recipe, history ...
+
+    def dataset(self, samples: Samples) -> Dataset:
+        """`samples` scaled as this model was trained; refused if another eye saw them."""
+        if samples.eye != self.about["eye"]:
+            raise ArtefactError(
+                f"this model was trained on features of the CAE {self.about['eye'][:12]}, "
+                f"the samples have those of {samples.eye[:12]}; train it on these features, or "
+                "make the features again with its CAE"
+            )
+        return prepare(samples, self.scaling)
+
+
+def save(path, trained: Trained) -> None:
+    """Write a trained model."""
+    scaling = {f"scaling.{k}": torch.from_numpy(v) for k, v in vars(trained.scaling).items()}
+    tensors = {f"model.{k}": v for k, v in trained.model.state_dict().items()}
+    kind = {"kind": trained.model.kind, "config": asdict(trained.model.config)}
+    artefacts.save_weights(path, tensors | scaling, trained.about | kind)
+
+
+def load(path) -> Trained:
+    """Read a trained model. Raises `ArtefactError` where the file holds none."""
+    tensors, about = artefacts.load_weights(path)
+    if about.get("kind") not in MODELS:
+        raise ArtefactError(
+            f"{path} holds no model of ours but {about.get('kind')!r}; "
+            f"models are {', '.join(MODELS)}"
+        )
+    make, make_config = MODELS[about["kind"]]
+    model = make(make_config(**about["config"]))
+    parts = {"model": {}, "scaling": {}}
+    for name, tensor in tensors.items():
+        part, _, rest = name.partition(".")
+        parts[part][rest] = tensor
+    model.load_state_dict(parts["model"])
+    scaling = Scaling(**{name: tensor.numpy() for name, tensor in parts["scaling"].items()})
+    return Trained(model.eval(), scaling, about)

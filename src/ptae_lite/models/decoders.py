@@ -1,0 +1,85 @@
+"""The two decoders: LSTMs that start from the code and feed on their own output.
+
+Neither is ever shown the true previous answer, in training or in the test (no teacher forcing).
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from ptae_lite.language import EOS, VOCABULARY
+
+
+class RecurrentDecoder(nn.Module):
+    """Two LSTM layers whose first state is a linear function of the code (B, H)."""
+
+    def __init__(self, inputs: int, outputs: int, hidden: int, units: int, layers: int,
+                 forget_bias: float):  # fmt: skip
+        super().__init__()
+        self.units = units
+        self.start = nn.Linear(hidden, layers * 2 * units)
+        sizes = [inputs] + [units] * (layers - 1)
+        self.cells = nn.ModuleList(nn.LSTMCell(size, units) for size in sizes)
+        self.output = nn.Linear(units, outputs)
+        with torch.no_grad():
+            for cell in self.cells:  # gates lie in the order input, forget, cell, output
+                cell.bias_ih[units : 2 * units] = forget_bias
+                cell.bias_hh[units : 2 * units] = 0
+
+    def first_state(self, code: Float[Tensor, "B H"]) -> list[tuple[Tensor, Tensor]]:
+        """(hidden, cell) of each layer, (B, units) each."""
+        parts = self.start(code).split(self.units, dim=1)
+        return [(parts[2 * i], parts[2 * i + 1]) for i in range(len(self.cells))]
+
+    def step(self, x: Tensor, states: list) -> tuple[Tensor, list]:
+        """One step of all layers: the output before its nonlinearity, and the new states."""
+        after = []
+        for cell, state in zip(self.cells, states, strict=True):
+            x, memory = cell(x, state)
+            after.append((x, memory))
+        return self.output(x), after
+
+
+class LanguageDecoder(RecurrentDecoder):
+    """Code to words; the whole softmax vector is fed back, not the chosen word."""
+
+    def __init__(self, hidden: int, units: int, layers: int, forget_bias: float):
+        words = len(VOCABULARY)
+        super().__init__(words, words, hidden, units, layers, forget_bias)
+
+    def forward(self, code: Float[Tensor, "B H"], steps: int) -> Float[Tensor, "B N V"]:
+        """Logarithms of the word probabilities at each step, BOS given."""
+        states = self.first_state(code)
+        word = code.new_zeros(len(code), len(VOCABULARY))
+        word[:, EOS] = 1  # BOS is the same token
+        answers = []
+        for _ in range(steps):
+            scores, states = self.step(word, states)
+            answers.append(torch.log_softmax(scores, dim=1))
+            word = answers[-1].exp()
+        return torch.stack(answers, dim=1)
+
+
+class ActionDecoder(RecurrentDecoder):
+    """Code and video to joints: each step sees one frame and its own last pose."""
+
+    def __init__(self, features: int, joints: int, hidden: int, units: int, layers: int,
+                 forget_bias: float):  # fmt: skip
+        super().__init__(features + joints, joints, hidden, units, layers, forget_bias)
+
+    def forward(
+        self,
+        code: Float[Tensor, "B H"],
+        video: Float[Tensor, "B T F"],
+        start: Float[Tensor, "B 5"],
+    ) -> Float[Tensor, "B T 5"]:
+        """Poses 2 to T+1, in -1 to 1."""
+        states, pose, poses = self.first_state(code), start, []
+        # unbind once: indexing video[:, t] in the loop makes the backward pass quadratic in T
+        for frame in video.unbind(dim=1):
+            raw, states = self.step(torch.cat([frame, pose], dim=1), states)
+            pose = torch.tanh(raw)
+            poses.append(pose)
+        return torch.stack(poses, dim=1)

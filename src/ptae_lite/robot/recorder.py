@@ -1,0 +1,196 @@
+"""Records the data set: every sample acted out once in its own fresh simulation.
+
+A recording is a folder:
+
+    recording.json          what it is, and with which scene it was made
+    sequences/p012_v3.npz   one sample: images, joints, cube poses, contacts, seed
+    samples.npz             all samples without their images, written when the last is there
+
+Image t, joints t and cubes t are one instant. A sequence is written beside its place and then
+moved, so a recording that is stopped has only whole sequences and goes on where it was.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from ptae_lite.errors import RecordingError
+from ptae_lite.language import Pattern, patterns
+from ptae_lite.robot import arm, motions, scene
+
+FORMAT = "ptae-lite recording 1"
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """One recorded sample of T frames."""
+
+    images: np.ndarray  # (T, 120, 160, 3) uint8
+    joints_rad: np.ndarray  # (T, 5) float32, measured
+    cubes: np.ndarray  # (T, 2, 7) float32: left and right; position in m, quaternion x y z w
+    touched: np.ndarray  # (T, 2) bool: did the arm touch the cube on the way to this frame
+    seed: int
+
+
+def record_sequence(pattern: Pattern, variation: int) -> Sequence:
+    """Act out one sample and watch it. The same sample gives the same bytes on one machine."""
+    seed = motions.sample_seed(pattern.index, variation)
+    drawn = motions.draw(seed)
+    targets_rad = motions.plan(pattern, drawn)
+    arm.check_limits(targets_rad)
+    images, joints, cubes, touched = [], [], [], []
+    colours = (pattern.left, pattern.right)
+    with scene.Scene(colours, drawn.places_m, drawn.yaws_rad) as world:
+        for frame, target_rad in enumerate(targets_rad):
+            touched.append(world.drive(target_rad) if frame else (False, False))
+            images.append(world.image())
+            joints.append(world.joints_rad())
+            cubes.append(world.cubes())
+    return Sequence(
+        np.stack(images),
+        np.array(joints, dtype=np.float32),
+        np.array(cubes, dtype=np.float32),
+        np.array(touched),
+        seed,
+    )
+
+
+def fingerprint() -> str:
+    """A short hash of everything that shapes a recording: robot, scene, motions, grammar."""
+    from ptae_lite import language
+    from ptae_lite.robot import inverse, urdf
+
+    digest = hashlib.sha256()
+    for module in (language, arm, inverse, urdf, scene, motions):
+        digest.update(Path(module.__file__).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def sequence_path(folder: Path, pattern_index: int, variation: int) -> Path:
+    return Path(folder) / "sequences" / f"p{pattern_index:03d}_v{variation}.npz"
+
+
+def record(folder, *, workers: int = 2, only=None, progress=lambda done: done) -> Path:
+    """Record all 864 samples into `folder`, or go on with what is missing there.
+
+    Args:
+        folder: where to; made if it is not there.
+        workers: processes side by side.
+        only: pattern indices, to record a part (no `samples.npz` is written then).
+        progress: wraps the iterator over finished sequences (as `tqdm` does).
+
+    Raises:
+        RecordingError: `folder` holds something else, or a recording of another scene.
+    """
+    folder = Path(folder)
+    _claim(folder)
+    jobs = [
+        (index, variation)
+        for index, variation in samples_in_order()
+        if (only is None or index in only)
+        and not sequence_path(folder, index, variation).exists()
+    ]
+    scene.pybullet()  # fail here, not in every worker
+    run = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
+    for _ in progress(run(delayed(_record_to)(folder, *job) for job in jobs)):
+        pass
+    if only is None:
+        gather(folder)
+    return folder
+
+
+def _claim(folder: Path) -> None:
+    about = folder / "recording.json"
+    if about.exists():
+        check_ours(folder)
+        return
+    if folder.exists() and any(folder.iterdir()):
+        raise RecordingError(
+            f"{folder} is not empty and is not a recording of ours; name a new or an empty folder"
+        )
+    (folder / "sequences").mkdir(parents=True, exist_ok=True)
+    about.write_text(json.dumps({"format": FORMAT, "fingerprint": fingerprint()}) + "\n")
+
+
+def check_ours(folder: Path, *, same_scene: bool = True) -> dict:
+    """Read `recording.json`. Raises `RecordingError` where the folder is not a recording."""
+    about = Path(folder) / "recording.json"
+    if not about.is_file():
+        raise RecordingError(
+            f"{folder} is not a recording (it has no recording.json); "
+            "make one with: python -m ptae_lite record"
+        )
+    try:
+        found = json.loads(about.read_text())
+    except ValueError:
+        found = {}
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise RecordingError(f"{about} does not say {FORMAT!r}; this is no recording of ours")
+    if same_scene and found.get("fingerprint") != fingerprint():
+        raise RecordingError(
+            f"{folder} was recorded with another robot, scene or motion than this version's; "
+            "delete it or record into another folder"
+        )
+    return found
+
+
+def _record_to(folder: Path, index: int, variation: int) -> None:
+    made = record_sequence(patterns()[index], variation)
+    path = sequence_path(folder, index, variation)
+    beside = path.with_suffix(f".{os.getpid()}.part")
+    with beside.open("wb") as file:
+        np.savez_compressed(file, **vars(made))
+    os.replace(beside, path)
+
+
+def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
+    """Read one sample with its images, and check that its arrays agree in length."""
+    path = sequence_path(folder, pattern_index, variation)
+    if not path.is_file():
+        raise RecordingError(f"{path} is missing; go on recording: python -m ptae_lite record")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            made = Sequence(**{name: file[name] for name in file.files})
+    except (OSError, ValueError, TypeError, EOFError, KeyError) as error:
+        raise RecordingError(f"{path} is damaged ({error}); delete it and record again") from None
+    frames = patterns()[pattern_index].frames
+    for name in ("images", "joints_rad", "cubes", "touched"):
+        length = len(getattr(made, name))
+        if length != frames:
+            raise RecordingError(
+                f"{path}: {name} has {length} frames where pattern {pattern_index} has {frames}; "
+                "delete it and record again"
+            )
+    return made
+
+
+def samples_in_order() -> list[tuple[int, int]]:
+    """(pattern, variation) of all 864 samples, in the order of every stored array."""
+    return [(p.index, v) for p in patterns() for v in range(motions.VARIATIONS)]
+
+
+def gather(folder) -> Path:
+    """Write `samples.npz`: joints, cubes and contacts of all samples, without the images."""
+    folder = Path(folder)
+    columns = {name: [] for name in ("joints_rad", "cubes", "touched", "pattern", "variation")}
+    columns |= {"seed": [], "frames": []}
+    for index, variation in samples_in_order():
+        made = load_sequence(folder, index, variation)
+        columns["joints_rad"].append(made.joints_rad)
+        columns["cubes"].append(made.cubes)
+        columns["touched"].append(made.touched)
+        columns["pattern"].append([index])
+        columns["variation"].append([variation])
+        columns["seed"].append([made.seed])
+        columns["frames"].append([len(made.joints_rad)])
+    path = folder / "samples.npz"
+    arrays = {name: np.concatenate(parts) for name, parts in columns.items()}
+    np.savez_compressed(path, **arrays)
+    return path

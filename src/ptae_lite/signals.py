@@ -1,0 +1,167 @@
+"""The task signals: one table that says what each task sees, and what it must answer.
+
+This table is the heart of the system (paper, section 3.3; details from the published code). Every
+task runs the same network. What differs is what is asked (the query tokens), what is looked at
+(keys and values: video and joints together), what the action decoder is shown while it moves, and
+the two targets. `build` turns samples and signals into arrays by this table and nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from ptae_lite.dataset import MAX_FRAMES, Dataset
+from ptae_lite.errors import ConfigError
+from ptae_lite.language import EOS, MEANINGS, SIGNALS, alternatives, encode, patterns, signal_index
+
+STEPS = MAX_FRAMES - 1  # the action decoder is given pose 1 and answers poses 2 to 100
+WORDS_OUT = 4  # action, colour, speed, EOS
+TOKENS_IN = 6  # signal, BOS, action, colour, speed, EOS
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """One row of the table. `clip`, `first` and `last` speak of frames of the sample."""
+
+    query: str  # what follows the signal token: `sentence` or `eos`
+    keys: str  # keys and values: the `clip`, or its `first` frame in every place of the clip
+    words: str  # language target: `sentence` (4 steps) or `eos` (1 step)
+    video: str  # what the action decoder sees at each step: `clip`, `first` or `last`
+    start: str  # the pose it starts from: `first` or `last`
+    joints: str  # its target: the `clip`, or the `first` or `last` pose held still
+
+
+WIRING = {
+    "describe": Wiring("eos", "clip", "sentence", "last", "last", "last"),
+    "execute": Wiring("sentence", "first", "eos", "clip", "first", "clip"),
+    "repeat action": Wiring("eos", "clip", "eos", "clip", "first", "clip"),
+    "repeat both": Wiring("sentence", "clip", "sentence", "clip", "first", "clip"),
+    "repeat language": Wiring("sentence", "first", "sentence", "first", "first", "first"),
+}
+PTAE_SIGNALS = ("describe", "execute", "repeat action", "repeat language")
+SUPERVISED = ("describe", "execute")  # they need a sentence paired with an action
+UNSUPERVISED = ("repeat action", "repeat language")
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Everything a model is given and must answer, for B samples with a signal each."""
+
+    tokens: Int[Tensor, "B 6"]  # query tokens, padded with EOS
+    token_mask: Bool[Tensor, "B 6"]  # which of them are there
+    keys: Float[Tensor, "B 100 K"]  # F + 5 numbers a frame: features, then joints
+    video: Float[Tensor, "B 99 F"]  # for the action decoder
+    start: Float[Tensor, "B 5"]  # its first pose
+    words: Int[Tensor, "B 4"]  # language target
+    word_mask: Bool[Tensor, "B 4"]
+    joints: Float[Tensor, "B 99 5"]  # action target, zero beyond the clip
+    step_mask: Bool[Tensor, "B 99"]
+
+
+class Source:
+    """A data set as tensors, ready to be cut into batches."""
+
+    def __init__(self, dataset: Dataset):
+        self.dataset = dataset
+        self.features = torch.from_numpy(dataset.features)
+        self.joints = torch.from_numpy(dataset.joints)
+        self.frames = torch.from_numpy(dataset.samples.frames)
+        number = {meaning: i for i, meaning in enumerate(MEANINGS)}
+        of_pattern = torch.tensor([number[p.meaning] for p in patterns()])
+        self.meaning = of_pattern[torch.from_numpy(dataset.samples.pattern)]
+        # all 36 x 8 sentences as tokens: BOS, action, colour, speed, EOS
+        self.sentences = torch.tensor([[encode(s) for s in alternatives(m)] for m in MEANINGS])
+
+
+_SIGNAL_NUMBER = {signal: i for i, signal in enumerate(SIGNALS)}
+
+
+def _rows(column: str, value: str) -> Tensor:
+    """Which signals have `value` in a column of the table, as a mask over signal numbers."""
+    return torch.tensor([getattr(WIRING[s], column) == value for s in SIGNALS])
+
+
+_WHERE = {
+    (field.name, value): _rows(field.name, value)
+    for field in fields(Wiring)
+    for value in {getattr(row, field.name) for row in WIRING.values()}
+}
+_SIGNAL_TOKEN = torch.tensor([signal_index(s) for s in SIGNALS])
+
+
+def signal_number(signal: str) -> int:
+    """Number of a signal, 0 to 4. Raises `LanguageError` naming the signals there are."""
+    signal_index(signal)
+    return _SIGNAL_NUMBER[signal]
+
+
+def build(
+    source: Source,
+    samples: Int[Tensor, " B"],
+    signals: Int[Tensor, " B"],
+    alternative: Int[Tensor, " B"],
+) -> Batch:
+    """Wire samples to signals by the table.
+
+    Args:
+        samples: sample numbers.
+        signals: a signal number for each.
+        alternative: which of its eight sentences each sample is given or asked for.
+    """
+    if not len(samples) == len(signals) == len(alternative):
+        raise ConfigError("a batch needs as many signals and alternatives as samples")
+
+    def where(column, value):
+        return _WHERE[column, value][signals]
+
+    features, joints, frames = (x[samples] for x in (source.features, source.joints, source.frames))
+    inside = torch.arange(MAX_FRAMES) < frames[:, None]
+    item = torch.arange(len(samples))
+    first = {"features": features[:, 0], "joints": joints[:, 0]}
+    last = {"features": features[item, frames - 1], "joints": joints[item, frames - 1]}
+
+    # query: the signal, then the whole sentence or EOS alone
+    sentence = source.sentences[source.meaning[samples], alternative]
+    tokens = torch.cat([_SIGNAL_TOKEN[signals, None], sentence], dim=1)
+    token_mask = torch.ones_like(tokens, dtype=torch.bool)
+    short = where("query", "eos")
+    tokens[short, 1:] = EOS
+    token_mask[short, 2:] = False
+
+    # keys and values: the moving clip, or its first frame stood still for the clip's length
+    keys = torch.cat([features, joints], dim=2)
+    still = keys[:, :1] * inside[..., None]
+    keys = torch.where(where("keys", "first")[:, None, None], still, keys)
+
+    # the action decoder: what it sees, where it starts, what it must do
+    video = features[:, :STEPS].clone()
+    target = joints[:, 1:].clone()
+    start = first["joints"].clone()
+    for name, frame in (("first", first), ("last", last)):
+        shown = _WHERE.get(("video", name), _WHERE["video", "clip"] & False)[signals]
+        video = torch.where(shown[:, None, None], frame["features"][:, None], video)
+        held = _WHERE["joints", name][signals]
+        target = torch.where(held[:, None, None], frame["joints"][:, None], target)
+    start = torch.where(where("start", "last")[:, None], last["joints"], start)
+    step_mask = inside[:, 1:]
+
+    # language target: the sentence without BOS, or EOS at once
+    words = sentence[:, 1:].clone()
+    word_mask = torch.ones_like(words, dtype=torch.bool)
+    brief = where("words", "eos")
+    words[brief] = EOS
+    word_mask[brief, 1:] = False
+
+    return Batch(
+        tokens, token_mask, keys, video, start, words, word_mask,
+        target * step_mask[..., None], step_mask,
+    )  # fmt: skip
+
+
+def table() -> list[dict[str, str]]:
+    """The table as rows, for showing."""
+    return [{"signal": s, **vars(WIRING[s])} for s in SIGNALS]

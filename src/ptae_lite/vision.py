@@ -1,0 +1,178 @@
+"""The eye: convolutional autoencoders (CAE) that turn an image into a few numbers.
+
+`ChannelSeparatedCAE` is the paper's: one network for each of red, green and blue, 10 features
+each, so F = 30 (paper, section 3.1; the layer table follows the published code). `PlainCAE` sees
+the three channels together. The five fully connected layers are linear, as published.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor, nn
+from torch.nn import functional
+
+from ptae_lite import artefacts
+from ptae_lite.errors import ArtefactError, ConfigError
+
+CODE = 10  # features a channel
+
+
+class CAE(nn.Module):
+    """Encoder and decoder for images of `channels` channels, with `code` numbers between them.
+
+    Differs from the paper in nothing; 664,891 parameters for one channel and ten numbers.
+    """
+
+    def __init__(self, channels: int, code: int = CODE):
+        super().__init__()
+        self.channels, self.code = channels, code
+        self.encoder = nn.Sequential(  #                                   C x 120 x 160
+            nn.Conv2d(channels, 8, 4, stride=2, padding=1), nn.ReLU(),  #  8 x 60 x 80
+            nn.Conv2d(8, 16, 4, stride=2, padding=1), nn.ReLU(),  #       16 x 30 x 40
+            nn.Conv2d(16, 32, 4, stride=2, padding=1), nn.ReLU(),  #      32 x 15 x 20
+            nn.Conv2d(32, 64, 8, stride=5, padding=2), nn.ReLU(),  #      64 x 3 x 4
+            nn.Flatten(), nn.Linear(768, 384), nn.Linear(384, 192), nn.Linear(192, code),
+        )  # fmt: skip
+        self.decoder = nn.Sequential(
+            nn.Linear(code, 192), nn.Linear(192, 384), nn.Unflatten(1, (32, 3, 4)),
+            nn.ConvTranspose2d(32, 32, 8, stride=5, padding=2, output_padding=1), nn.ReLU(),
+            nn.ConvTranspose2d(32, 16, 4, stride=2, padding=1), nn.ReLU(),
+            nn.ConvTranspose2d(16, 8, 4, stride=2, padding=1), nn.ReLU(),
+            nn.ConvTranspose2d(8, channels, 4, stride=2, padding=1), nn.Sigmoid(),
+        )  # fmt: skip
+
+    def encode(self, images: Float[Tensor, "B C 120 160"]) -> Float[Tensor, "B F"]:
+        return self.encoder(images)
+
+    def decode(self, features: Float[Tensor, "B F"]) -> Float[Tensor, "B C 120 160"]:
+        return self.decoder(features)
+
+    def forward(self, images):
+        """The reconstruction of `images`, values 0 to 1."""
+        return self.decode(self.encode(images))
+
+
+class PlainCAE(CAE):
+    """One network for the three channels together: 10 features as published, or more."""
+
+    kind = "plain"
+
+    def __init__(self, code: int = CODE):
+        super().__init__(3, code)
+
+
+class ChannelSeparatedCAE(nn.Module):
+    """Three networks, one for each colour channel; their codes lie side by side (F = 3 x code)."""
+
+    kind = "separated"
+
+    def __init__(self, code: int = CODE):
+        super().__init__()
+        self.code = code
+        self.red, self.green, self.blue = (CAE(1, code) for _ in range(3))
+
+    def _channels(self):
+        return (self.red, self.green, self.blue)
+
+    def encode(self, images: Float[Tensor, "B 3 120 160"]) -> Float[Tensor, "B F"]:
+        parts = zip(self._channels(), images.split(1, dim=1), strict=True)
+        return torch.cat([cae.encode(channel) for cae, channel in parts], dim=1)
+
+    def decode(self, features: Float[Tensor, "B F"]) -> Float[Tensor, "B 3 120 160"]:
+        parts = zip(self._channels(), features.split(self.code, dim=1), strict=True)
+        return torch.cat([cae.decode(code) for cae, code in parts], dim=1)
+
+    def forward(self, images):
+        """The reconstruction of `images`, values 0 to 1."""
+        return self.decode(self.encode(images))
+
+
+EYES = {"separated": ChannelSeparatedCAE, "plain": PlainCAE}
+
+
+def make_eye(kind: str, code: int = CODE) -> nn.Module:
+    """A fresh CAE of a kind in `EYES`."""
+    if kind not in EYES:
+        raise ConfigError(f"no eye {kind!r}; there are {', '.join(EYES)}")
+    return EYES[kind](code)
+
+
+def as_input(images: UInt8[np.ndarray, "B 120 160 3"]) -> Float[Tensor, "B 3 120 160"]:
+    """Camera images as a network takes them: channels first, 0 to 1."""
+    if images.ndim != 4 or images.shape[1:] != (120, 160, 3) or images.dtype != np.uint8:
+        raise ConfigError(
+            f"images are B x 120 x 160 x 3 bytes, not {images.shape} of {images.dtype}"
+        )
+    return torch.from_numpy(np.ascontiguousarray(images.transpose(0, 3, 1, 2))).float() / 255
+
+
+@dataclass(frozen=True)
+class EyeRecipe:
+    """How a CAE is trained."""
+
+    steps: int = 2000  # ours; the published code takes 10,000
+    batch: int = 64  # ours; published 200
+    learning_rate: float = 2e-3  # ours, the peak of one cycle; published 1e-3, constant
+    seed: int = 0
+
+
+def train_eye(
+    eye: nn.Module,
+    images: UInt8[np.ndarray, "M 120 160 3"],
+    recipe: EyeRecipe = EyeRecipe(),
+    progress=lambda steps: steps,
+) -> list[float]:
+    """Train on random batches of `images` by pixel-wise cross-entropy; returns the loss curve.
+
+    Only frames of training patterns belong in `images`. The loss is the paper's; the schedule is
+    ours (128,000 presentations where the published code makes 2,000,000, and one
+    learning-rate cycle).
+    """
+    torch.manual_seed(recipe.seed)
+    for layer in eye.modules():
+        if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
+            layer.reset_parameters()
+    rng = np.random.default_rng(recipe.seed)
+    optimiser = torch.optim.Adam(eye.parameters(), lr=recipe.learning_rate)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(
+        optimiser, recipe.learning_rate, total_steps=recipe.steps
+    )
+    losses = []
+    for _ in progress(range(recipe.steps)):
+        batch = as_input(images[rng.integers(0, len(images), recipe.batch)])
+        loss = functional.binary_cross_entropy(eye(batch), batch)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+        losses.append(loss.item())
+    return losses
+
+
+@torch.no_grad()
+def encode_images(
+    eye: nn.Module, images: UInt8[np.ndarray, "M 120 160 3"], batch: int = 100
+) -> Float[np.ndarray, "M F"]:
+    """Features of images."""
+    parts = [eye.encode(as_input(images[i : i + batch])) for i in range(0, len(images), batch)]
+    return torch.cat(parts).numpy()
+
+
+def save_eye(path, eye: nn.Module, recipe: EyeRecipe) -> None:
+    """Write a CAE with its kind and recipe into one file."""
+    about = {"kind": eye.kind, "code": eye.code, "recipe": asdict(recipe)}
+    artefacts.save_weights(path, eye.state_dict(), about)
+
+
+def load_eye(path) -> nn.Module:
+    """Read a CAE that `save_eye` wrote."""
+    tensors, about = artefacts.load_weights(path)
+    if about.get("kind") not in EYES:
+        raise ArtefactError(f"{path} holds no CAE but {about.get('kind')!r}")
+    eye = make_eye(about["kind"], about["code"])
+    eye.load_state_dict(tensors)
+    return eye.eval()
