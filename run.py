@@ -131,30 +131,32 @@ def call(command: list, env: dict) -> int:
             continue  # JupyterLab asks whether to stop; pytest and Sphinx end by themselves
 
 
-def ensure_environment(env: dict) -> Path:
+def ensure_environment(env: dict, root: Path = ROOT) -> Path:
     """Make .venv/ if there is none, install if the pinned files changed; its Python."""
-    python = venv_python()
+    python = venv_python(root)
     if not python.exists():
         check_venv_modules()
-        check_disk(shutil.disk_usage(ROOT).free)
+        check_disk(shutil.disk_usage(root).free)
         say("Making the virtual environment .venv/ ...")
-        if call([sys.executable, "-m", "venv", ROOT / ".venv"], env):
+        if call([sys.executable, "-m", "venv", root / ".venv"], env):
+            shutil.rmtree(root / ".venv", ignore_errors=True)  # half of one would be taken for one
             raise Stop("The virtual environment could not be made; the messages above say why.")
-    version = venv_version()
+    version = venv_version(root)
     check_python(version, "the one in .venv/ (delete that folder to have it made anew)")
-    if is_installed():
+    if is_installed(root):
         return python
     say(recording_note(version, sys.platform, platform.machine()))
     uv = shutil.which("uv")
-    say(f"Installing environment.txt with {uv or 'pip'} (minutes, the first time) ...")
+    say(f"Installing environment.txt with {'uv' if uv else 'pip'} (minutes, the first time) ...")
     start = time.monotonic()
+    (root / STAMP).unlink(missing_ok=True)  # until the end, nothing is known to be installed
     for command in install_commands(python, uv):
         if call(command, env):
             raise Stop(
                 "The packages could not be installed; the messages above say why, "
                 "and the same command tries again."
             )
-    (ROOT / STAMP).write_text(fingerprint(), encoding="utf-8")
+    (root / STAMP).write_text(fingerprint(root), encoding="utf-8")
     say(f"Installed in {time.monotonic() - start:.0f} s.")
     return python
 
@@ -175,10 +177,11 @@ def chapter_lines(times: dict) -> list:
 def book(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Run every chapter and build the site into build/html."""
     record = ROOT / "build" / "chapter_times.json"
-    record.unlink(missing_ok=True)  # never show the times of an earlier run
+    record.unlink(missing_ok=True)  # nothing of an earlier run may remain
+    shutil.rmtree(ROOT / "build" / "html", ignore_errors=True)
     say(f"Running every chapter (tier {env['PTAE_TIER']}) and building the site ...")
     # A fresh environment makes Sphinx read, and so execute, every chapter; two at a time.
-    command = [python, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-E", "-a", "-j", "2"]
+    command = [python, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-E", "-j", "2"]
     status = call([*command, "-d", "build/doctrees", "book", "build/html"], env)
     if record.exists():
         say("\n".join(["", *chapter_lines(json.loads(record.read_text(encoding="utf-8")))]))

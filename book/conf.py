@@ -25,6 +25,7 @@ nb_execution_timeout = 600
 # too; raising at once would hide which else are broken.
 nb_execution_raise_on_error = False
 nb_merge_streams = True
+nb_output_stderr = "remove"  # as in the twins: progress bars and a platform's warnings
 # Sliders carry their own HTML beside the widget. The page shows that one and so needs no widget
 # library, which would come from elsewhere; vector figures go before their bitmaps.
 nb_ipywidgets_js = {}
@@ -46,7 +47,7 @@ mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load part
 html_theme = "sphinx_book_theme"
 html_title = "PTAE-lite"
 html_theme_options = {"home_page_in_toc": True, "show_toc_level": 2}
-html_copy_source = False
+html_context = {"default_mode": "auto"}  # light or dark as the reader's system is
 html_show_sphinx = False
 
 # What a page may not load: the source of a script, style sheet, image or frame on another host.

@@ -130,7 +130,10 @@ def parser() -> argparse.ArgumentParser:
 
     def command(name, run, text):
         made = commands.add_parser(
-            name, help=text, description=text, formatter_class=argparse.ArgumentDefaultsHelpFormatter
+            name,
+            help=text,
+            description=text,
+            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         )
         made.set_defaults(run=run)
         made.add_argument("--json", action="store_true", help="print one line of JSON")
@@ -148,7 +151,7 @@ def parser() -> argparse.ArgumentParser:
     train = command("train", do_train, "Train a model and write its weights.")
     train.add_argument("model", choices=("ptae", "cae", "plain-cae"), help="what to train")
     train.add_argument("--data", default="recording",
-                       help="'recording' for the stored features, or a recording's folder")  # fmt: skip
+                       help="'recording': the stored features; else a recording's folder")  # fmt: skip
     train.add_argument("--seed", type=int, default=0, help="seed of weights and batches")
     train.add_argument("--epochs", type=int, help="epochs of PTAE (default: the recipe's)")
     train.add_argument("--labelled", type=float, metavar="PERCENT",
@@ -163,7 +166,7 @@ def parser() -> argparse.ArgumentParser:
     test = command("evaluate", do_evaluate, "Score a trained model, in percent.")
     test.add_argument("weights", help="safetensors file that `train` wrote")
     test.add_argument("--data", default="recording",
-                      help="'recording' for the stored features, or a recording's folder")  # fmt: skip
+                      help="'recording': the stored features; else a recording's folder")  # fmt: skip
     test.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
     test.add_argument("--threads", type=int, default=1, help="threads")
     return main

@@ -219,4 +219,6 @@ def write_features(path, features: list[np.ndarray], eye_file) -> None:
     Half precision: it changes no feature by more than 0.05 % and halves the file.
     """
     eye = hashlib.sha256(Path(eye_file).read_bytes()).hexdigest()
-    np.savez_compressed(path, features=np.concatenate(features).astype(np.float16), eye=np.array(eye))
+    np.savez_compressed(
+        path, features=np.concatenate(features).astype(np.float16), eye=np.array(eye)
+    )

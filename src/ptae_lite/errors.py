@@ -1,4 +1,4 @@
-"""The library's own errors: one clear sentence each, saying what was wrong, what was expected and what to do."""
+"""The library's own errors: what was wrong, what was expected, what to do, in one sentence."""
 
 
 class PTAEError(Exception):
@@ -10,7 +10,7 @@ class LanguageError(PTAEError):
 
 
 class RobotError(PTAEError):
-    """A pose outside the joint limits, a point out of reach, or a simulator that is not installed."""
+    """A pose outside the limits, a point out of reach, or a simulator that is not installed."""
 
 
 class RecordingError(PTAEError):

@@ -145,7 +145,9 @@ class Pattern:
     @property
     def action_index(self) -> int:
         """0 to 11: which of the 12 actions (action word, side, speed)."""
-        return 6 * SPEEDS.index(self.speed) + 3 * SIDES.index(self.side) + ACTIONS.index(self.action)
+        return (
+            6 * SPEEDS.index(self.speed) + 3 * SIDES.index(self.side) + ACTIONS.index(self.action)
+        )
 
 
 # The six ordered pairs of one colour family; the second family takes the same six by renaming.

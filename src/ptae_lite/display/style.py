@@ -1,4 +1,4 @@
-"""One look for all figures: sizes, colours that colour-blind readers tell apart, byte-stable SVG."""
+"""One look for all figures: sizes, colours for colour-blind readers too, byte-stable SVG."""
 
 from __future__ import annotations
 

@@ -42,9 +42,7 @@ class PTAEConfig:
             if name not in ("dropout", "forget_bias") and value < 1:
                 raise ConfigError(f"{name} is {value}; it must be 1 or more")
         if self.hidden % self.heads:
-            raise ConfigError(
-                f"hidden ({self.hidden}) must be a multiple of heads ({self.heads})"
-            )
+            raise ConfigError(f"hidden ({self.hidden}) must be a multiple of heads ({self.heads})")
         if not 0 <= self.dropout < 1:
             raise ConfigError(f"dropout is {self.dropout}; it must be from 0 to below 1")
 

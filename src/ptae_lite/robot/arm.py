@@ -117,8 +117,8 @@ SHAPES = (
 )  # fmt: skip
 
 
-def rotation(axis, angle_rad: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T 3 3"]:
-    """Rotation matrices about a unit axis (Rodrigues' formula)."""
+def rotation(axis, angle_rad) -> Float[np.ndarray, "T 3 3"]:
+    """Rotation matrices about a unit axis by T angles (Rodrigues' formula)."""
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=float)
     angle_rad = np.asarray(angle_rad, dtype=float)[:, None, None]

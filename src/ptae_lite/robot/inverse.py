@@ -84,7 +84,7 @@ def solve(targets_m: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 5"]:
         raise RobotError(
             f"the arm cannot reach ({', '.join(f'{x:.3f}' for x in targets_m[worst])}) m: "
             f"it misses by {1000 * miss_m[worst]:.1f} mm; points over the near part of the table "
-            "(x 0.25 to 0.55, y -0.10 to 0.30 m) are in reach"
+            "(x 0.33 to 0.45, y -0.10 to 0.25 m) are in reach"
         )
     return q
 

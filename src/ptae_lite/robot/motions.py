@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from ptae_lite.language import Pattern
 from ptae_lite.robot import arm, inverse
-from ptae_lite.robot.scene import CUBE_EDGE_M, CUBE_PLACES_M, TABLE_TOP_M
+from ptae_lite.robot.scene import CUBE_EDGE_M, NOMINAL_PLACES_M, TABLE_TOP_M
 
 VARIATIONS = 6  # of every pattern, as in the paper (section 4.1)
 
@@ -57,7 +57,7 @@ def draw(seed: int) -> Variation:
     rng = np.random.default_rng([2023, seed])
     clock = np.array(CLOCK, dtype=float)
     clock[1:-1] += rng.uniform(-CLOCK_JITTER, CLOCK_JITTER, len(clock) - 2)
-    nominal = np.array(list(CUBE_PLACES_M.values()))
+    nominal = np.array(NOMINAL_PLACES_M)
     return Variation(
         places_m=nominal + rng.uniform(-PLACE_JITTER_M, PLACE_JITTER_M, (2, 2)),
         yaws_rad=rng.uniform(-YAW_JITTER_RAD, YAW_JITTER_RAD, 2),

@@ -23,7 +23,7 @@ from joblib import Parallel, delayed
 
 from ptae_lite.errors import RecordingError
 from ptae_lite.language import Pattern, patterns
-from ptae_lite.robot import arm, motions, scene
+from ptae_lite.robot import arm, motions, scene, urdf
 
 FORMAT = "ptae-lite recording 1"
 
@@ -63,13 +63,14 @@ def record_sequence(pattern: Pattern, variation: int) -> Sequence:
 
 
 def fingerprint() -> str:
-    """A short hash of everything that shapes a recording: robot, scene, motions, grammar."""
-    from ptae_lite import language
-    from ptae_lite.robot import inverse, urdf
-
-    digest = hashlib.sha256()
-    for module in (language, arm, inverse, urdf, scene, motions):
-        digest.update(Path(module.__file__).read_bytes())
+    """A short hash of what shapes a recording: the robot, the scene, and how each action moves."""
+    digest = hashlib.sha256(urdf.nico_urdf().encode())
+    things = (scene.TABLE_SHAPES, scene.COLOUR_RGBA, scene.LIGHT, scene.VERTICAL_VIEW_DEG,
+              scene.POSITION_GAIN, scene.SUBSTEPS, arm.HEAD_YAW_RAD, arm.HEAD_PITCH_RAD)  # fmt: skip
+    digest.update(repr(things).encode())
+    for pattern in patterns()[:6] + patterns()[72:78]:
+        targets_rad = motions.plan(pattern, motions.draw(motions.sample_seed(pattern.index, 0)))
+        digest.update(np.round(targets_rad, 4).tobytes())
     return digest.hexdigest()[:16]
 
 
@@ -94,8 +95,7 @@ def record(folder, *, workers: int = 2, only=None, progress=lambda done: done) -
     jobs = [
         (index, variation)
         for index, variation in samples_in_order()
-        if (only is None or index in only)
-        and not sequence_path(folder, index, variation).exists()
+        if (only is None or index in only) and not sequence_path(folder, index, variation).exists()
     ]
     scene.pybullet()  # fail here, not in every worker
     run = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)

@@ -29,6 +29,7 @@ CUBE_EDGE_M = 0.05
 CUBE_MASS_KG = 0.08
 CUBE_FRICTION, TABLE_FRICTION, HAND_FRICTION = 0.5, 0.5, 0.3
 CUBE_PLACES_M = {"left": (0.39, 0.18), "right": (0.40, 0.01)}  # x, y
+NOMINAL_PLACES_M = tuple(CUBE_PLACES_M.values())
 COLOUR_RGBA = {
     "red": (0.95, 0.10, 0.10, 1.0),
     "green": (0.10, 0.75, 0.15, 1.0),
@@ -73,7 +74,7 @@ class Scene:
     Use it as a context manager, or `close()` it.
     """
 
-    def __init__(self, colours, places_m=tuple(CUBE_PLACES_M.values()), yaws_rad=(0.0, 0.0)):
+    def __init__(self, colours, places_m=NOMINAL_PLACES_M, yaws_rad=(0.0, 0.0)):
         self._client = None
         for colour in colours:
             if colour not in COLOUR_RGBA:

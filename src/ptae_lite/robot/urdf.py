@@ -41,7 +41,7 @@ def _link(robot, name: str):
             visual = xml.SubElement(link, "visual")
             _origin(visual, shape.xyz, shape.rpy)
             _geometry(visual, shape)
-            material = xml.SubElement(visual, "material", name=f"c{hash(shape.rgba) % 10**6}")
+            material = xml.SubElement(visual, "material", name="rgba " + _numbers(shape.rgba))
             xml.SubElement(material, "color", rgba=_numbers(shape.rgba))
         if shape.solid:
             collision = xml.SubElement(link, "collision")

@@ -1,0 +1,117 @@
+"""Linear read-outs: what can be read from features by nothing more than a weighted sum.
+
+A read-out is fitted on training samples and scored on test samples. If a straight line is enough
+to read something, the features hold it in plain view; if not, it may be there and hidden.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ptae_lite.dataset import Samples
+from ptae_lite.errors import ConfigError
+from ptae_lite.language import ACTIONS, COLOURS, SIDES, patterns
+
+PENALTY = 1e-3  # of ridge regression, a sample; small: it only keeps the weights finite
+
+
+@dataclass(frozen=True)
+class LinearReadout:
+    """A fitted map: features minus `mean`, over `spread`, times `weights`, plus `offset`."""
+
+    mean: Float[np.ndarray, " F"]
+    spread: Float[np.ndarray, " F"]
+    weights: Float[np.ndarray, "F K"]
+    offset: Float[np.ndarray, " K"]
+
+    def numbers(self, features: Float[np.ndarray, "S F"]) -> Float[np.ndarray, "S K"]:
+        """What is read, in the units of the targets. Raises `ConfigError` for another width."""
+        if np.ndim(features) != 2 or np.shape(features)[1] != len(self.mean):
+            raise ConfigError(
+                f"this read-out takes samples x {len(self.mean)} features, not {np.shape(features)}"
+            )
+        return (features - self.mean) / self.spread @ self.weights + self.offset
+
+    def labels(self, features: Float[np.ndarray, "S F"]) -> Int[np.ndarray, " S"]:
+        """The class with the largest number, for a read-out fitted by `fit_labels`."""
+        return self.numbers(features).argmax(1)
+
+
+def fit_numbers(features, targets, penalty: float = PENALTY) -> LinearReadout:
+    """Ridge regression of `targets` (S, K) on `features` (S, F).
+
+    Minimises, over the weights `W` of the features scaled to unit spread,
+
+        mean |z W + offset - y|^2  +  penalty |W|^2.
+
+    Raises `ConfigError` where the two have different numbers of samples.
+    """
+    features, targets = np.asarray(features, dtype=float), np.asarray(targets, dtype=float)
+    if features.ndim != 2 or targets.ndim != 2 or len(features) != len(targets):
+        raise ConfigError(
+            f"a read-out is fitted on samples x features and samples x targets, "
+            f"not on {features.shape} and {targets.shape}"
+        )
+    mean, spread = features.mean(0), np.maximum(features.std(0), 1e-12)
+    scaled, offset = (features - mean) / spread, targets.mean(0)
+    system = scaled.T @ scaled / len(scaled) + penalty * np.eye(scaled.shape[1])
+    weights = np.linalg.solve(system, scaled.T @ (targets - offset) / len(scaled))
+    return LinearReadout(mean, spread, weights, offset)
+
+
+def fit_labels(features, labels: Int[np.ndarray, " S"], penalty: float = PENALTY) -> LinearReadout:
+    """Ridge classifier: regression on a 1 for the right class and a 0 for each other one."""
+    labels = np.asarray(labels)
+    return fit_numbers(features, np.eye(labels.max() + 1)[labels], penalty)
+
+
+def first(rows: Float[np.ndarray, "S T ..."]) -> np.ndarray:
+    """Each sample's first frame."""
+    return rows[:, 0]
+
+
+def last(samples: Samples, rows: Float[np.ndarray, "S T ..."]) -> np.ndarray:
+    """Each sample's last frame: 49 of a fast clip, 99 of a slow one."""
+    return rows[np.arange(len(rows)), samples.frames - 1]
+
+
+def colours(samples: Samples) -> dict[str, Int[np.ndarray, " S"]]:
+    """The colours of the `left` and the `right` cube, as positions in `COLOURS`."""
+    of = [patterns()[i] for i in samples.pattern]
+    return {side: np.array([COLOURS.index(getattr(p, side)) for p in of]) for side in SIDES}
+
+
+def action_and_side(samples: Samples) -> Int[np.ndarray, " S"]:
+    """0 to 5: push, pull, slide on the left, then on the right."""
+    of = [patterns()[i] for i in samples.pattern]
+    return np.array([3 * SIDES.index(p.side) + ACTIONS.index(p.action) for p in of])
+
+
+def percent_right(samples: Samples, features, labels, penalty: float = PENALTY) -> float:
+    """Test samples (%) whose class a read-out of the training samples tells from `features` (S, F)."""
+    train, test = samples.split("train"), samples.split("test")
+    read = fit_labels(features[train], labels[train], penalty)
+    return 100 * float((read.labels(features[test]) == labels[test]).mean())
+
+
+def place_errors_mm(
+    samples: Samples, features, cubes: Float[np.ndarray, "S 2 7"], penalty: float = PENALTY
+) -> dict[str, float]:
+    """How well x and y of the two cubes (poses in m) are read on test samples, in millimetres.
+
+    `per_axis` is the root mean square error of the four coordinates; `distance` the mean distance
+    between a cube and where it is read; `guess` the per-axis error of always naming the mean
+    training place, which is what features without any knowledge of the places would give.
+    """
+    train, test = samples.split("train"), samples.split("test")
+    places = 1000.0 * cubes[:, :, :2].reshape(len(cubes), 4)
+    off = fit_numbers(features[train], places[train], penalty).numbers(features[test]) - places[test]
+    guess = places[train].mean(0) - places[test]
+    return {
+        "per_axis": float(np.sqrt((off**2).mean())),
+        "distance": float(np.hypot(off[:, ::2], off[:, 1::2]).mean()),
+        "guess": float(np.sqrt((guess**2).mean())),
+    }

@@ -1,0 +1,1 @@
+"""Experiments: a trained model or a recipe in, a tidy table out."""

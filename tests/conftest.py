@@ -1,0 +1,105 @@
+"""Shapes in annotations are checked in every test; small data and models that many tests use."""
+
+from dataclasses import replace
+
+import jaxtyping
+import numpy as np
+import pytest
+import torch
+
+jaxtyping.install_import_hook("ptae_lite", "typing_rules.checked")
+torch.set_num_threads(1)
+
+FEATURES = 6
+EYE = "e" * 64
+
+
+@pytest.fixture
+def unchecked():
+    """Annotations are not checked: what a reader meets, who runs the library without the hook."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture(scope="session")
+def samples():
+    """864 made-up samples in the order of the data set: smooth joints and features."""
+    from ptae_lite.dataset import Samples
+    from ptae_lite.language import patterns
+
+    rng = np.random.default_rng(1)
+    pattern = np.repeat(np.arange(144), 6)
+    frames = np.array([patterns()[i].frames for i in pattern])
+    inside = (np.arange(100) < frames[:, None])[..., None]
+    share = (np.arange(100) / (frames[:, None] - 1))[..., None]  # 0 to 1 over the clip
+
+    def waves(count):
+        rate, phase = rng.uniform(1, 3, (864, 1, count)), rng.uniform(0, 6, (864, 1, count))
+        return (np.sin(rate * share + phase) * inside).astype(np.float32)
+
+    return Samples(
+        joints=waves(5),
+        features=waves(FEATURES),
+        frames=frames,
+        pattern=pattern,
+        variation=np.tile(np.arange(6), 144),
+        eye=EYE,
+    )
+
+
+def choose(samples, indices):
+    """A part of the samples."""
+    columns = ("joints", "features", "frames", "pattern", "variation")
+    return replace(samples, **{name: getattr(samples, name)[indices] for name in columns})
+
+
+@pytest.fixture(scope="session")
+def few(samples):
+    """36 of the samples, 24 to train and 12 to test, slow and fast: enough for quick trainings."""
+    indices = [np.flatnonzero(samples.pattern == i) for i in (0, 7, 72, 73, 2, 78)]
+    return choose(samples, np.concatenate(indices))
+
+
+@pytest.fixture(scope="session")
+def scaling(samples):
+    from ptae_lite.dataset import fit_scaling
+
+    return fit_scaling(samples, samples.split("train"))
+
+
+@pytest.fixture(scope="session")
+def source(samples, scaling):
+    from ptae_lite.dataset import prepare
+    from ptae_lite.signals import Source
+
+    return Source(prepare(samples, scaling))
+
+
+@pytest.fixture(scope="session")
+def tiny():
+    """Sizes of a PTAE that trains in no time."""
+    from ptae_lite.models import PTAEConfig
+
+    return PTAEConfig(features=FEATURES, hidden=16, heads=2, feed_forward=32, decoder_units=12)
+
+
+@pytest.fixture(scope="session")
+def trained(few, tiny):
+    """A tiny PTAE after one epoch: it knows nothing, but can be asked everything."""
+    from ptae_lite.training import Recipe, train
+
+    return train(few, Recipe(epochs=1, batch=8), config=tiny)
+
+
+@pytest.fixture
+def make_batch(source):
+    """A function that wires sample numbers to one signal."""
+    from ptae_lite.signals import build, signal_number
+
+    def make(indices, signal, alternative=0):
+        count = len(indices)
+        signals = torch.full((count,), signal_number(signal))
+        return build(source, torch.tensor(indices), signals, torch.full((count,), alternative))
+
+    return make

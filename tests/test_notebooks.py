@@ -1,0 +1,341 @@
+"""What every chapter keeps: pairs that agree, short cells, nothing that ties it to one machine.
+
+A rule is a function from a notebook to a list of complaints. Each is tried on every chapter, and
+on an example that breaks it.
+"""
+
+import re
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+
+from ptae_lite.display import pairs
+from ptae_lite.errors import ArtefactError
+
+BOOK = Path(__file__).resolve().parents[1] / "book"
+CHAPTERS = pairs.chapters(BOOK)
+PAIRS = [md for md in CHAPTERS if md.with_suffix(".ipynb").exists()]  # the rest fails once, below
+MAX_LINES = 25
+MACHINE_PATH = re.compile(
+    r"(?<![\w.])/(?:home|Users|root|tmp|work|opt|mnt|usr|var)/|\b[A-Z]:\\\\?\w|~/"
+)
+NETWORK = re.compile(
+    r"^\s*(?:import|from)\s+(?:urllib|requests|httpx|aiohttp|socket|http|ftplib|playwright)\b"
+    r"|torch\.hub|load_state_dict_from_url|snapshot_download|meshcat\.Visualizer\(\s*\)"
+    r"|^\s*[!%]\s*(?:pip|conda|uv|wget|curl|git)\b",
+    re.MULTILINE,
+)
+
+
+def code_cells(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def texts(cell):
+    """The text that a cell has put out, without its pictures."""
+    for output in cell.outputs:
+        yield output.get("text", "")
+        yield output.get("data", {}).get("text/plain", "")
+
+
+def cells_are_short(notebook):
+    for number, cell in enumerate(code_cells(notebook), start=1):
+        lines = [line for line in map(str.strip, cell.source.splitlines()) if line]
+        count = sum(not line.startswith("#") for line in lines)
+        if count > MAX_LINES:
+            yield f"code cell {number} has {count} lines of code"
+
+
+def no_machine_paths(notebook):
+    for number, cell in enumerate(code_cells(notebook), start=1):
+        for text in (cell.source, *texts(cell)):
+            yield from (f"code cell {number}: {found}" for found in MACHINE_PATH.findall(text))
+
+
+def no_addresses(notebook):
+    for number, cell in enumerate(code_cells(notebook), start=1):
+        yield from (f"code cell {number}: {it}" for it in re.findall(r"https?://", cell.source))
+
+
+def no_network(notebook):
+    for number, cell in enumerate(code_cells(notebook), start=1):
+        yield from (f"code cell {number}: {found}" for found in NETWORK.findall(cell.source))
+
+
+def checked_cells_have_outputs(notebook):
+    for number, cell in enumerate(code_cells(notebook), start=1):
+        if "nbval-check-output" in cell.metadata.get("tags", []) and not cell.outputs:
+            yield f"code cell {number} is to be checked and has no output"
+
+
+def kernel_is_python3(notebook):
+    name = notebook.metadata.get("kernelspec", {}).get("name")
+    if name != "python3":
+        yield f"kernel {name!r}"
+
+
+def tier_comes_first(notebook):
+    cells = code_cells(notebook)
+    if not cells or not re.search(r"\btier\(\)", cells[0].source):
+        yield "the first code cell does not call tier()"
+
+
+RULES = [
+    cells_are_short,
+    no_machine_paths,
+    no_addresses,
+    no_network,
+    checked_cells_have_outputs,
+    kernel_is_python3,
+    tier_comes_first,
+]
+
+
+def unpaired(book):
+    """The chapters of which one half is missing."""
+    halves = [{path.stem for path in book.glob(f"[0-9]*.{end}")} for end in ("md", "ipynb")]
+    return sorted(halves[0] ^ halves[1])
+
+
+def too_large(book):
+    return [path.name for path in book.glob("*.ipynb") if path.stat().st_size > pairs.LIMIT_BYTES]
+
+
+# ---------------------------------------------------------------- every chapter
+
+
+def test_every_chapter_is_a_pair():
+    assert unpaired(BOOK) == []
+
+
+def test_no_notebook_is_too_large():
+    assert too_large(BOOK) == []
+
+
+@pytest.mark.parametrize("md", PAIRS, ids=lambda path: path.stem)
+def test_the_pair_agrees(md):
+    assert pairs.compare(md, md.with_suffix(".ipynb")) == []
+
+
+@pytest.mark.parametrize("md", CHAPTERS, ids=lambda path: path.stem)
+def test_the_header_holds_no_version_of_the_tool(md):
+    assert "jupytext_version:" not in md.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+@pytest.mark.parametrize("md", PAIRS, ids=lambda path: path.stem)
+def test_chapter(md, rule):
+    assert list(rule(nbformat.read(md.with_suffix(".ipynb"), as_version=4))) == []
+
+
+# ---------------------------------------------------------------- the rules find what they forbid
+
+
+def notebook_of(*sources, kernel="python3"):
+    cells = [new_code_cell("print(tier())"), *map(new_code_cell, sources)]
+    spec = {"name": kernel, "display_name": "Python 3"}
+    return new_notebook(cells=cells, metadata={"kernelspec": spec})
+
+
+def test_a_good_notebook_breaks_no_rule():
+    notebook = notebook_of("\n".join(["x = 1"] * MAX_LINES), "# a comment\n\ny = a / b")
+    notebook.cells.append(new_markdown_cell("[a link](https://example.org)"))
+    assert [list(rule(notebook)) for rule in RULES] == [[]] * len(RULES)
+
+
+@pytest.mark.parametrize(
+    ("rule", "source"),
+    [
+        (cells_are_short, "\n".join(["x = 1"] * (MAX_LINES + 1))),
+        (no_machine_paths, "open('/home/me/data.npz')"),
+        (no_machine_paths, "open('C:\\\\data.npz')"),
+        (no_machine_paths, "open('~/data.npz')"),
+        (no_addresses, "source = 'https://example.org'"),
+        (no_network, "import socket"),
+        (no_network, "x = 1\nfrom urllib.request import urlopen"),
+        (no_network, "torch.hub.load('a', 'b')"),
+        (no_network, "!pip install numpy"),
+        (no_network, "viewer = meshcat.Visualizer()"),
+    ],
+)
+def test_a_rule_finds_a_source_that_breaks_it(rule, source):
+    broken = [each for each in RULES if list(each(notebook_of(source)))]
+    assert broken == [rule]
+
+
+def test_a_rule_finds_a_path_in_an_output():
+    notebook = notebook_of("x")
+    notebook.cells[1].outputs = [new_output("stream", text="saved /home/me/x")]
+    assert list(no_machine_paths(notebook)) == ["code cell 2: /home/"]
+
+
+def test_a_rule_finds_a_check_without_output():
+    notebook = notebook_of("1 + 1")
+    notebook.cells[1].metadata["tags"] = ["nbval-check-output"]
+    assert list(checked_cells_have_outputs(notebook))
+    notebook.cells[1].outputs = [new_output("stream", text="2")]
+    assert not list(checked_cells_have_outputs(notebook))
+
+
+def test_a_rule_finds_a_private_kernel():
+    assert list(kernel_is_python3(notebook_of(kernel="my-env")))
+
+
+def test_a_rule_finds_a_missing_tier():
+    assert list(tier_comes_first(new_notebook(cells=[new_code_cell("x = 1")])))
+    assert list(tier_comes_first(new_notebook(cells=[new_markdown_cell("tier()")])))
+
+
+def test_a_missing_half_and_a_large_file_are_found(tmp_path):
+    (tmp_path / "01_one.md").touch()
+    (tmp_path / "02_two.ipynb").write_bytes(b" " * (pairs.LIMIT_BYTES + 1))
+    (tmp_path / "index.md").touch()
+    assert unpaired(tmp_path) == ["01_one", "02_two"]
+    assert too_large(tmp_path) == ["02_two.ipynb"]
+
+
+# ---------------------------------------------------------------- making the twins
+
+CHAPTER = """\
+---
+jupytext:
+  formats: ipynb,md:myst
+  notebook_metadata_filter: -jupytext.text_representation.jupytext_version
+  text_representation:
+    extension: .md
+    format_name: myst
+    format_version: 0.13
+kernelspec:
+  display_name: Python 3 (ipykernel)
+  language: python
+  name: python3
+---
+
+# A chapter
+
+```{code-cell} ipython3
+:tags: [nbval-check-output]
+
+import os, sys
+print(os.environ["PTAE_TIER"], flush=True)
+print("noise", file=sys.stderr, flush=True)
+print("end")
+```
+"""
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """A small chapter and its twin, which was made without a kernel."""
+    md = tmp_path / "01_small.md"
+    md.write_text(CHAPTER, encoding="utf-8")
+    notebook = pairs.read(md)
+    pairs.set_ids(notebook)
+    ipynb = md.with_suffix(".ipynb")
+    ipynb.write_bytes(pairs.to_bytes(notebook, ipynb.name))
+    return md, ipynb
+
+
+def test_compare_a_pair_that_agrees(pair):
+    assert pairs.compare(*pair) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("# A chapter", "# Another", "cell 1: source '# A chapter'"),
+        ("print(", "print( ", "cell 2: source"),
+        (
+            '"nbval-check-output"',
+            '"other"',
+            "cell 2: tags ['nbval-check-output'] against ['other']",
+        ),
+    ],
+)
+def test_compare_finds(pair, old, new, complaint):
+    md, ipynb = pair
+    ipynb.write_text(ipynb.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
+    (found,) = pairs.compare(md, ipynb)
+    assert complaint in found
+
+
+def test_compare_finds_cells_of_another_type_or_number(pair):
+    md, ipynb = pair
+    notebook = nbformat.read(ipynb, as_version=4)
+    notebook.cells = [new_code_cell("# A chapter", id="a"), *notebook.cells[1:], new_code_cell("x")]
+    nbformat.write(notebook, ipynb)
+    number, kind = pairs.compare(md, ipynb)
+    assert "has 2 cells" in number and "has 3" in number
+    assert "cell_type 'markdown' against 'code'" in kind
+
+
+@pytest.mark.filterwarnings("ignore:Proactor event loop:RuntimeWarning")  # on Windows
+def test_a_twin_is_run_in_the_default_tier_and_is_the_same_each_time(pair, monkeypatch):
+    md, ipynb = pair
+    monkeypatch.setenv("PTAE_TIER", "full")
+    pairs.write(md)
+    first = ipynb.read_bytes()
+    pairs.write(md)
+    assert ipynb.read_bytes() == first
+    (output,) = nbformat.read(ipynb, as_version=4).cells[1].outputs
+    assert (output.name, output.text) == ("stdout", "replay\nend\n")
+
+
+def test_a_failing_chapter_leaves_its_twin_alone(pair, monkeypatch, capsys):
+    md, ipynb = pair
+    before = ipynb.read_bytes()
+    md.write_text(CHAPTER.replace('print("end")', "1 / 0"), encoding="utf-8")
+    monkeypatch.setattr(pairs, "chapters", lambda book, names: [md])
+    assert pairs.main([]) == 1
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    assert ipynb.read_bytes() == before
+
+
+def outputs_after_cleaning(*bundles):
+    cell = new_code_cell(outputs=[new_output("display_data", data=data) for data in bundles])
+    cell.metadata["execution"] = {"iopub.status.busy": "2026-01-01"}
+    notebook = new_notebook(cells=[cell], metadata={"widgets": {}})
+    pairs.clean(notebook)
+    assert "widgets" not in notebook.metadata and "execution" not in cell.metadata
+    return [output.data for output in notebook.cells[0].outputs]
+
+
+def test_viewers_and_widgets_are_dropped_and_what_stands_in_for_them_stays():
+    viewer, panel = "<iframe data-ptae-embed></iframe>", "<b>panel</b>"
+    assert outputs_after_cleaning(
+        {"text/html": viewer, "image/png": "AA=="},
+        {"text/html": panel, pairs.WIDGET_VIEW: {"model_id": "1"}, "text/plain": "panel"},
+        {pairs.WIDGET_VIEW: {"model_id": "2"}},
+    ) == [{"image/png": "AA=="}, {"text/html": panel, "text/plain": "panel"}]
+
+
+def test_a_viewer_without_a_picture_is_an_error():
+    with pytest.raises(ArtefactError, match="stand in"):
+        outputs_after_cleaning({"text/html": "<iframe data-ptae-embed></iframe>"})
+
+
+def test_ids_follow_the_content():
+    def ids(*sources):
+        notebook = notebook_of(*sources)
+        pairs.set_ids(notebook)
+        return [cell.id for cell in notebook.cells[1:]]
+
+    assert ids("a", "b") == ids("a", "b")
+    assert ids("new", "a", "b")[1:] == ids("a", "b")
+    assert len(set(ids("a", "a", "a"))) == 3
+
+
+def test_a_large_notebook_is_refused():
+    with pytest.raises(ArtefactError, match="limit is 500000"):
+        pairs.to_bytes(notebook_of("x" * pairs.LIMIT_BYTES), "01_large.ipynb")
+
+
+def test_chapters_are_found_by_name(tmp_path):
+    for name in ("02_b.md", "01_a.md", "index.md", "01_a.ipynb"):
+        (tmp_path / name).touch()
+    assert [path.name for path in pairs.chapters(tmp_path)] == ["01_a.md", "02_b.md"]
+    assert pairs.chapters(tmp_path, ["02_b.ipynb"]) == [tmp_path / "02_b.md"]
+    with pytest.raises(ArtefactError, match="No chapter 3 in .*01_a, 02_b"):
+        pairs.chapters(tmp_path, ["3"])

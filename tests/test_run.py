@@ -1,0 +1,249 @@
+"""The entry script: its conditions, what makes it install again, and what it prints."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+spec = importlib.util.spec_from_file_location("run", ROOT / "run.py")
+run = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(run)
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A repository with an empty virtual environment, as far as the script can see."""
+    (tmp_path / "environment.txt").write_text("numpy==1.0\n")
+    (tmp_path / "pyproject.toml").write_text("[project]\n")
+    (tmp_path / ".venv").mkdir()
+    (tmp_path / ".venv" / "pyvenv.cfg").write_text("home = here\nversion = 3.11.7\n")
+    return tmp_path
+
+
+@pytest.fixture
+def calls(monkeypatch, root):
+    """The commands that would have run; each succeeds, and making the .venv/ makes it."""
+    commands = []
+
+    def call(command, env):
+        commands.append([str(part) for part in command])
+        if "venv" in commands[-1]:
+            run.venv_python(root).parent.mkdir(parents=True)
+            run.venv_python(root).touch()
+        return 0
+
+    monkeypatch.setattr(run, "ROOT", root)
+    monkeypatch.setattr(run, "call", call)
+    monkeypatch.setattr(run.shutil, "which", lambda name: None)
+    return commands
+
+
+def is_one_sentence(text):
+    return text.endswith(".") and "\n" not in text and "Traceback" not in text
+
+
+# ---------------------------------------------------------------- conditions
+
+
+@pytest.mark.parametrize("version", [(3, 11), (3, 11, 2), (3, 12, 1), (3, 13), (4, 0)])
+def test_new_enough(version):
+    run.check_python(version)
+
+
+@pytest.mark.parametrize("version", [(3, 10, 13), (3, 9), (2, 7, 18)])
+def test_too_old(version):
+    with pytest.raises(run.Stop, match=rf"3\.11 or newer.* {version[0]}\.{version[1]}\.") as stop:
+        run.check_python(version)
+    assert is_one_sentence(str(stop.value))
+
+
+@pytest.mark.parametrize("missing", ["venv", "ensurepip"])
+def test_no_virtual_environments(missing):
+    with pytest.raises(run.Stop, match=f"module {missing} is missing.*python3-venv"):
+        run.check_venv_modules(find=lambda name: None if name == missing else "found")
+    run.check_venv_modules(find=lambda name: "found")
+
+
+def test_disk():
+    run.check_disk(20e9)
+    with pytest.raises(run.Stop, match=r"6 GB .* 1\.5 GB") as stop:
+        run.check_disk(1.5e9)
+    assert is_one_sentence(str(stop.value))
+
+
+def test_where_recording_is_unavailable():
+    assert run.recording_note((3, 11), "linux", "x86_64") == ""
+    for place in [
+        ((3, 12), "linux", "x86_64"),
+        ((3, 11), "darwin", "arm64"),
+        ((3, 11), "win32", "AMD64"),
+        ((3, 11), "linux", "aarch64"),
+    ]:
+        assert "PyBullet" in run.recording_note(*place)
+
+
+def test_a_condition_that_fails_ends_in_one_sentence(monkeypatch, capsys):
+    monkeypatch.setattr(run, "check_python", lambda version: (_ for _ in ()).throw(run.Stop("No.")))
+    assert run.main(["book"]) == 1
+    assert capsys.readouterr().err == "No.\n"
+
+
+# ---------------------------------------------------------------- the environment
+
+
+def test_first_installation_makes_the_environment_once(calls, root, capsys):
+    python = run.ensure_environment({}, root)
+    assert [command[1:3] for command in calls] == [["-m", "venv"], ["-m", "pip"], ["-m", "pip"]]
+    assert calls[1][-2:] == ["-r", "environment.txt"]
+    assert calls[2][-3:] == ["--no-deps", "-e", "."]
+    assert "Installing environment.txt" in capsys.readouterr().out
+
+    assert run.ensure_environment({}, root) == python
+    assert len(calls) == 3  # nothing changed, nothing done
+
+    (root / "environment.txt").write_text("numpy==2.0\n")
+    run.ensure_environment({}, root)
+    assert len(calls) == 5  # both installations again, the environment itself stays
+
+
+def test_a_failed_installation_is_tried_again(calls, root, monkeypatch):
+    run.venv_python(root).parent.mkdir(parents=True)
+    run.venv_python(root).touch()
+    run.ensure_environment({}, root)
+    assert run.is_installed(root)
+    before = (root / "environment.txt").read_text()
+    (root / "environment.txt").write_text("numpy==2.0\n")
+    monkeypatch.setattr(run, "call", lambda command, env: 1)
+    with pytest.raises(run.Stop, match="could not be installed"):
+        run.ensure_environment({}, root)
+    (root / "environment.txt").write_text(before)  # what is installed now may be a mixture
+    assert not run.is_installed(root)
+
+
+def test_half_an_environment_is_not_kept(calls, root, monkeypatch):
+    monkeypatch.setattr(run, "call", lambda command, env: 1)
+    with pytest.raises(run.Stop, match="could not be made"):
+        run.ensure_environment({}, root)
+    assert not (root / ".venv").exists()
+
+
+def test_too_little_space_stops_before_anything_is_made(calls, root, monkeypatch):
+    monkeypatch.setattr(run.shutil, "disk_usage", lambda path: SimpleNamespace(free=1e9))
+    with pytest.raises(run.Stop, match="free disk space"):
+        run.ensure_environment({}, root)
+    assert calls == []
+
+
+def test_an_environment_of_an_old_python_is_refused(calls, root):
+    (root / ".venv" / "pyvenv.cfg").write_text("version_info = 3.9.1.final.0\n")
+    run.venv_python(root).parent.mkdir(parents=True)
+    run.venv_python(root).touch()
+    with pytest.raises(run.Stop, match=r"the one in \.venv/ .* is 3\.9"):
+        run.ensure_environment({}, root)
+
+
+def test_an_environment_of_another_new_python_is_used(calls, root, capsys):
+    (root / ".venv" / "pyvenv.cfg").write_text("version = 3.13.0\n")
+    run.venv_python(root).parent.mkdir(parents=True)
+    run.venv_python(root).touch()
+    run.ensure_environment({}, root)
+    assert "PyBullet" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["environment.txt", "pyproject.toml"])
+def test_the_fingerprint_covers(name, root):
+    before = run.fingerprint(root)
+    (root / name).write_text("other\n")
+    assert run.fingerprint(root) != before
+
+
+def test_uv_is_told_which_python_to_install_into():
+    with_uv, without = (run.install_commands(Path("py"), uv)[0] for uv in ("uv", None))
+    assert with_uv[:5] == ["uv", "pip", "install", "--python", "py"]
+    assert without[:4] == ["py", "-m", "pip", "install"]
+
+
+def test_python_in_the_environment():
+    assert run.venv_python(Path("r"), windows=True) == Path("r/.venv/Scripts/python.exe")
+    assert run.venv_python(Path("r"), windows=False) == Path("r/.venv/bin/python")
+
+
+def test_children_get_fixed_settings():
+    env = run.child_environment({"HOME": "h", "OMP_NUM_THREADS": "8", "PIP_FIND_LINKS": "wheels"})
+    assert (env["HOME"], env["PTAE_TIER"], env["OMP_NUM_THREADS"]) == ("h", "replay", "1")
+    assert (env["PYTHONHASHSEED"], env["UV_FIND_LINKS"]) == ("0", "wheels")
+    assert run.child_environment({"PTAE_TIER": "quick"})["PTAE_TIER"] == "quick"
+    assert run.child_environment({"PTAE_TIER": "quick"}, "full")["PTAE_TIER"] == "full"
+
+
+# ---------------------------------------------------------------- the jobs
+
+
+def test_chapter_lines():
+    traceback = "\n".join(f"line {i}" for i in range(100))
+    lines = run.chapter_lines(
+        {
+            "02_vision": {"seconds": 0.51, "traceback": traceback},
+            "01_simulation": {"seconds": 12.34, "traceback": ""},
+        }
+    )
+    assert lines[0] == "01_simulation  ran in 12.3 s"
+    assert lines[1] == "02_vision      FAILED after 0.5 s"
+    assert lines[-1] == "    line 99"
+    assert len(lines) == 2 + run.TAIL
+    assert run.chapter_lines({}) == []
+
+
+@pytest.mark.parametrize("status", [0, 1])
+def test_the_book_says_what_to_open_or_that_it_failed(status, calls, root, monkeypatch, capsys):
+    record = root / "build" / "chapter_times.json"
+    record.parent.mkdir()
+    record.write_text('{"00_old": {"seconds": 1, "traceback": ""}}')
+
+    def sphinx(command, env):
+        assert not record.exists()  # the times of an earlier run must not be shown
+        record.write_text('{"01_new": {"seconds": 2, "traceback": ""}}')
+        return 2 * status
+
+    monkeypatch.setattr(run, "call", sphinx)
+    assert run.book("py", {"PTAE_TIER": "replay"}, None) == status
+    out = capsys.readouterr().out
+    assert "01_new  ran in 2.0 s" in out
+    assert "00_old" not in out
+    assert (str(Path("build", "html", "index.html")) in out) == (status == 0)
+
+
+@pytest.mark.parametrize("units", [0, 1])
+@pytest.mark.parametrize("books", [0, 5])  # 5: no test was found
+def test_both_phases_run_and_either_can_fail(units, books, calls, monkeypatch, capsys):
+    def pytest_call(command, env):
+        calls.append(command)
+        return books if "--nbval-lax" in command else units
+
+    monkeypatch.setattr(run, "call", pytest_call)
+    assert run.test("py", {}, run.parse(["test", "--", "-k", "words"])) == int(bool(units or books))
+    assert len(calls) == 2
+    assert "-k" in calls[0] and "-k" not in calls[1]
+    assert capsys.readouterr().out.count("FAILED") == bool(units) + bool(books)
+
+
+def test_jupyterlab_is_reachable_from_this_machine_only(calls):
+    run.lab("py", {}, run.parse(["lab"]))
+    assert "--ip=127.0.0.1" in calls[0]
+
+
+def test_arguments(capsys):
+    assert run.parse(["book", "--tier", "full"]).tier == "full"
+    assert run.parse(["book"]).tier is None
+    assert run.parse(["notebooks", "01_simulation"]).names == ["01_simulation"]
+    for wrong in (["book", "--tier", "slow"], ["bok"], [], ["book", "--", "-k"]):
+        with pytest.raises(SystemExit):
+            run.parse(wrong)
+
+
+def test_a_child_gets_the_environment_and_gives_its_status():
+    code = "import os, sys; sys.exit(int(os.environ['STATUS']))"
+    assert run.call([sys.executable, "-c", code], {"STATUS": "3", "SYSTEMROOT": "C:\\Windows"}) == 3
