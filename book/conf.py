@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 import re
 import shutil
 from pathlib import Path
@@ -26,8 +27,9 @@ nb_execution_timeout = 600
 nb_execution_raise_on_error = False
 nb_merge_streams = True
 nb_output_stderr = "remove"  # as in the twins: progress bars and a platform's warnings
-# Sliders carry their own HTML beside the widget. The page shows that one and so needs no widget
-# library, which would come from elsewhere; vector figures go before their bitmaps.
+# Sliders become HTML with a picture for each position: a page needs no kernel and no widget
+# library, which would come from elsewhere. Vector figures go before their bitmaps.
+os.environ["PTAE_STATIC"] = "1"
 nb_ipywidgets_js = {}
 nb_mime_priority_overrides = [
     ("html", "text/html", 0),

@@ -1,5 +1,7 @@
 """Shapes in annotations are checked in every test; small data and models that many tests use."""
 
+import platform
+import sys
 from dataclasses import replace
 
 import jaxtyping
@@ -20,6 +22,15 @@ def unchecked():
     jaxtyping.config.update("jaxtyping_disable", True)
     yield
     jaxtyping.config.update("jaxtyping_disable", False)
+
+
+@pytest.fixture(scope="session")
+def simulator():
+    """PyBullet; a test that asks for it is skipped where there is no wheel of it."""
+    here = (sys.platform, platform.machine(), sys.version_info < (3, 12))
+    if here != ("linux", "x86_64", True):
+        pytest.skip("PyBullet has a wheel for Python 3.11 on Linux x86_64 only")
+    return __import__("pybullet")
 
 
 @pytest.fixture(scope="session")

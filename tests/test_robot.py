@@ -2,6 +2,7 @@
 
 import sys
 import xml.etree.ElementTree as xml
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from ptae_lite.errors import RobotError
 from ptae_lite.language import patterns
 from ptae_lite.robot import arm, inverse, motions, scene, urdf
 
-NO_PYBULLET = "PyBullet has no wheel for this platform"
 PLANNED = [p for p in patterns() if p.index % 13 == 0]  # all actions, sides, speeds are in
 
 
@@ -58,8 +58,8 @@ def test_forward_kinematics_by_hand_for_one_bent_joint():
     np.testing.assert_allclose(swung - elbow, [0.126, -0.010, 0], atol=1e-12)
 
 
-def test_forward_kinematics_is_what_the_simulator_sees():
-    p = pytest.importorskip("pybullet", reason=NO_PYBULLET)
+def test_forward_kinematics_is_what_the_simulator_sees(simulator):
+    p = simulator
     with scene.Scene(("red", "blue")) as world:
         at = {"physicsClientId": world._client}
         count = p.getNumJoints(world._nico, **at)
@@ -87,8 +87,9 @@ def test_the_urdf_holds_the_five_joints_with_their_limits():
         assert float(limit.get("lower")) == ours.lower_rad
         assert float(limit.get("upper")) == ours.upper_rad
         assert tuple(float(x) for x in found.find("axis").get("xyz").split()) == ours.axis
-    parents = {j.find("child").get("link"): j.find("parent").get("link") for j in robot.iter("joint")}
-    assert parents["hand"] == "wrist" and parents["shoulder"] == "torso"
+    chain = [[joint.find(end).get("link") for end in ("parent", "child")] for joint in joints]
+    assert chain[0][0] == "torso" and chain[-1][1] == "wrist"
+    assert all(above[1] == below[0] for above, below in pairwise(chain))
 
 
 def test_the_urdf_is_the_same_text_each_time():
@@ -131,7 +132,7 @@ def test_wrong_input_is_refused_with_what_was_expected(unchecked, call, message)
 
 def test_without_pybullet_one_sentence_says_how_to_go_on(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    with pytest.raises(RobotError, match="PyBullet is not installed.* runs on the stored recording"):
+    with pytest.raises(RobotError, match="PyBullet is not installed.*the stored recording"):
         scene.Scene(("red", "blue"))
 
 

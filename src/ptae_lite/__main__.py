@@ -1,4 +1,4 @@
-"""The command line: `python -m ptae_lite record|features|train|evaluate`.
+"""The command line: `python -m ptae_lite record|features|train|evaluate|study`.
 
 Every command shows its progress on the error stream, and with `--json` prints one line of results.
 """
@@ -17,6 +17,7 @@ from tqdm import tqdm
 from ptae_lite.errors import PTAEError
 
 RECORDING = "build/recording"
+DATA_HELP = "'recording' for the stored features, or a recording's folder"
 
 
 def bar(items, **options):
@@ -70,11 +71,11 @@ def do_train(options) -> dict:
 
     samples = dataset.load(options.data)
     recipe = training.Recipe(seed=options.seed)
-    if options.epochs:
+    if options.epochs is not None:
         recipe = training.Recipe(seed=options.seed, epochs=options.epochs)
     split = "fit" if options.held_out else "train"
     labelled = None
-    if options.labelled:
+    if options.labelled is not None:
         labelled = training.label(samples.split(split), options.labelled, options.seed)
     trained = training.train(
         samples, recipe, split=split, labelled=labelled,
@@ -95,6 +96,18 @@ def do_evaluate(options) -> dict:
     return _rounded(evaluate(trained, dataset.load(options.data), options.split))
 
 
+def do_study(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import supervision
+
+    torch.set_num_threads(options.threads)
+    table = supervision.study(
+        dataset.load(options.data), options.out, options.shares, options.seeds,
+        progress=lambda jobs: bar(jobs, desc="trainings"),
+    )  # fmt: skip
+    return {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+
+
 def _rounded(scores: dict) -> dict:
     return {name: round(value, 3) for name, value in scores.items()}
 
@@ -103,9 +116,9 @@ def _train_eye(options) -> dict:
     from ptae_lite import frames, vision
 
     recipe = vision.EyeRecipe(seed=options.seed)
-    if options.epochs:
+    if options.epochs is not None:
         raise PTAEError("a CAE is trained by --steps, not by --epochs")
-    if options.steps:
+    if options.steps is not None:
         recipe = vision.EyeRecipe(seed=options.seed, steps=options.steps)
     eye = vision.make_eye("separated" if options.model == "cae" else "plain", options.code)
     images = frames.training_images(options.data)
@@ -151,7 +164,7 @@ def parser() -> argparse.ArgumentParser:
     train = command("train", do_train, "Train a model and write its weights.")
     train.add_argument("model", choices=("ptae", "cae", "plain-cae"), help="what to train")
     train.add_argument("--data", default="recording",
-                       help="'recording': the stored features; else a recording's folder")  # fmt: skip
+                       help=DATA_HELP)  # fmt: skip
     train.add_argument("--seed", type=int, default=0, help="seed of weights and batches")
     train.add_argument("--epochs", type=int, help="epochs of PTAE (default: the recipe's)")
     train.add_argument("--labelled", type=float, metavar="PERCENT",
@@ -166,9 +179,19 @@ def parser() -> argparse.ArgumentParser:
     test = command("evaluate", do_evaluate, "Score a trained model, in percent.")
     test.add_argument("weights", help="safetensors file that `train` wrote")
     test.add_argument("--data", default="recording",
-                      help="'recording': the stored features; else a recording's folder")  # fmt: skip
+                      help=DATA_HELP)  # fmt: skip
     test.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
     test.add_argument("--threads", type=int, default=1, help="threads")
+
+    study = command("study", do_study, "Run an experiment; rows that are there are not run again.")
+    study.add_argument("name", choices=("supervision",), help="which experiment")
+    study.add_argument("--data", default="recording",
+                       help=DATA_HELP)  # fmt: skip
+    study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
+                       help="labelled samples in percent")  # fmt: skip
+    study.add_argument("--seeds", type=int, nargs="+", default=[0], help="one training for each")
+    study.add_argument("--threads", type=int, default=1, help="threads inside one training")
+    study.add_argument("--out", default="build/results", help="folder of the tables")
     return main
 
 

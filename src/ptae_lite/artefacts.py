@@ -33,7 +33,12 @@ def manifest(data: Path | None = None) -> dict:
             f"{path} is missing, so no stored file can be trusted; "
             "work in a complete checkout, or restore it with: git checkout data"
         )
-    return json.loads(path.read_text())
+    try:
+        return json.loads(path.read_text())
+    except ValueError:
+        raise ArtefactError(
+            f"{path} is damaged; restore it with: git checkout data/{MANIFEST}"
+        ) from None
 
 
 def stored(name: str, data: Path | None = None) -> Path:

@@ -7,14 +7,16 @@
 from __future__ import annotations
 
 import hashlib
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ptae_lite import artefacts
-from ptae_lite.errors import ConfigError, RecordingError
+from ptae_lite.errors import ArtefactError, ConfigError, RecordingError
 from ptae_lite.language import patterns
 
 MAX_FRAMES = 100
@@ -164,9 +166,9 @@ def load(data="recording") -> Samples:
 
 def _read(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
         raise RecordingError(f"{path} is damaged ({error}); make it again") from None
 
 
@@ -185,7 +187,7 @@ def _assemble(arrays: dict, features: dict, data, expected_eye: str | None) -> S
         )
     eye = str(features["eye"])
     if expected_eye is not None and eye != expected_eye:
-        raise RecordingError(
+        raise ArtefactError(
             f"{data}: the features were made by the CAE {eye[:12]}, the stored CAE is "
             f"{expected_eye[:12]}; make them again: python -m ptae_lite features"
         )

@@ -12,7 +12,15 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from ptae_lite.dataset import MAX_FRAMES, Samples, Scaling
-from ptae_lite.language import MEANINGS, decode, patterns, says
+from ptae_lite.language import (
+    MEANINGS,
+    SYNONYMS,
+    WORD_INDEX,
+    Meaning,
+    decode,
+    patterns,
+    says,
+)  # fmt: skip
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import Answer
 from ptae_lite.signals import STEPS, WIRING, Batch, Source, build, signal_number
@@ -55,6 +63,20 @@ def correct(answer: Answer, samples: Samples, indices) -> Bool[np.ndarray, " M"]
     said = answer.words.argmax(2).numpy()
     meanings = [patterns()[i].meaning for i in samples.pattern[indices]]
     return np.array([says(out, meaning) for out, meaning in zip(said, meanings, strict=True)])
+
+
+def word_accuracy(answer: Answer, samples: Samples, indices) -> dict[str, float]:
+    """Percent of answers whose action, colour or speed word is right (or its synonym)."""
+    said = answer.words.argmax(2).tolist()
+    meanings = [patterns()[i].meaning for i in samples.pattern[indices]]
+    results = {}
+    for place, kind in enumerate(Meaning._fields):
+        right = [
+            out[place] in (WORD_INDEX[meaning[place]], WORD_INDEX[SYNONYMS[meaning[place]]])
+            for out, meaning in zip(said, meanings, strict=True)
+        ]
+        results[f"{kind}_accuracy"] = 100 * float(np.mean(right))
+    return results
 
 
 def poses(answer: Answer, scaling: Scaling) -> Float[np.ndarray, "M 99 5"]:

@@ -91,7 +91,7 @@ def action_and_side(samples: Samples) -> Int[np.ndarray, " S"]:
 
 
 def percent_right(samples: Samples, features, labels, penalty: float = PENALTY) -> float:
-    """Test samples (%) whose class a read-out of the training samples tells from `features` (S, F)."""
+    """Test samples (%) whose class is read right from `features` (S, F)."""
     train, test = samples.split("train"), samples.split("test")
     read = fit_labels(features[train], labels[train], penalty)
     return 100 * float((read.labels(features[test]) == labels[test]).mean())
@@ -108,7 +108,8 @@ def place_errors_mm(
     """
     train, test = samples.split("train"), samples.split("test")
     places = 1000.0 * cubes[:, :, :2].reshape(len(cubes), 4)
-    off = fit_numbers(features[train], places[train], penalty).numbers(features[test]) - places[test]
+    read = fit_numbers(features[train], places[train], penalty)
+    off = read.numbers(features[test]) - places[test]
     guess = places[train].mean(0) - places[test]
     return {
         "per_axis": float(np.sqrt((off**2).mean())),

@@ -127,6 +127,8 @@ def train(
     model: nn.Module = PTAE(config or PTAEConfig(features=samples.features.shape[2]))
     optimiser = torch.optim.Adam(model.parameters(), lr=recipe.learning_rate)
     steps = recipe.epochs * len(list(epoch_batches(rng, indices, labelled, recipe)))
+    if not steps:
+        raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
     schedule = torch.optim.lr_scheduler.OneCycleLR(
         optimiser, recipe.learning_rate, total_steps=steps
     )

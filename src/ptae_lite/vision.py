@@ -119,6 +119,10 @@ class EyeRecipe:
     learning_rate: float = 2e-3  # ours, the peak of one cycle; published 1e-3, constant
     seed: int = 0
 
+    def __post_init__(self):
+        if self.steps < 1 or self.batch < 1:
+            raise ConfigError("a CAE needs at least one step, and an image a batch")
+
 
 def train_eye(
     eye: nn.Module,

@@ -61,21 +61,43 @@ def learning_curve(history: Float[np.ndarray, "epochs 2"], title: str = "") -> F
     return figure
 
 
-def by_share(table: pd.DataFrame, paper: dict, chance: float, mark: float | None = None) -> Figure:
+def by_share(table: pd.DataFrame, paper: dict, chance: float) -> Figure:
     """Describe accuracy and execute error over the share of labelled samples.
 
-    `mark` draws one share large; `paper` holds the text's numbers by share.
+    `paper` holds the numbers that the paper's text states, by share.
     """
-    figure, axes = plt.subplots(1, 2, figsize=(7.5, 2.9), sharex=True)
+    figure, axes = plt.subplots(1, 2, figsize=(7.5, 2.9))
+    _draw_shares(axes, table, paper, chance)
+    return figure
+
+
+def share_card(table, said: pd.DataFrame, paper: dict, chance: float, share: float) -> Figure:
+    """The figure of `by_share` with one share marked, and what its model says of some clips."""
+    figure = plt.figure(figsize=(7.5, 4.6))
+    grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
+    axes = [figure.add_subplot(grid[0, column]) for column in range(2)]
+    _draw_shares(axes, table, paper, chance, mark=share)
+    text = figure.add_subplot(grid[1, :])
+    text.axis("off")
+    for line, row in enumerate(said.itertuples()):
+        look = {"family": "monospace", "fontsize": 8, "transform": text.transAxes}
+        colour, verdict = (style.BLUE, "right") if row.right else (style.RED, "WRONG")
+        y = 0.95 - line / (len(said) + 0.5)
+        text.text(0, y, f"{row.truth}", **look)
+        text.text(0.36, y, f"{verdict}   {row.said}", color=colour, **look)
+    return figure
+
+
+def _draw_shares(axes, table, paper, chance, mark: float | None = None) -> None:
     table = table.sort_values("share")
     for axis, column in zip(axes, ("describe_accuracy", "execute_nrmse"), strict=True):
         axis.plot(table["share"], table[column], "o-", label="ours, one seed")
         if mark is not None:
             here = table[table["share"] == mark]
-            axis.plot(here["share"], here[column], "s", markersize=11, color=style.RED,
-                      fillstyle="none", markeredgewidth=2, label=f"{mark:g} % labelled")  # fmt: skip
+            axis.plot(here["share"], here[column], "s", markersize=12, color=style.RED,
+                      fillstyle="none", markeredgewidth=2)  # fmt: skip
         axis.set_xscale("log")
-        axis.set_xticks(table["share"], minor=False)
+        axis.set_xticks(table["share"])
         axis.xaxis.set_major_formatter(ScalarFormatter())
         axis.minorticks_off()
         axis.set_xlabel("labelled samples, %")
@@ -85,7 +107,6 @@ def by_share(table: pd.DataFrame, paper: dict, chance: float, mark: float | None
     axes[0].set(ylabel="describe accuracy, %", ylim=(-3, 105))
     axes[1].set(ylabel="execute NRMSE, %", ylim=(0, None))
     axes[0].legend(fontsize=8, loc="lower right")
-    return figure
 
 
 def by_conflicts(table: pd.DataFrame, paper: dict, mark: tuple[str, int] | None = None) -> Figure:

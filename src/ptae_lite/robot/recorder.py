@@ -15,8 +15,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from joblib import Parallel, delayed
@@ -156,9 +158,10 @@ def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
     if not path.is_file():
         raise RecordingError(f"{path} is missing; go on recording: python -m ptae_lite record")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            made = Sequence(**{name: file[name] for name in file.files})
-    except (OSError, ValueError, TypeError, EOFError, KeyError) as error:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        made = Sequence(**arrays | {"seed": int(arrays["seed"])})
+    except (OSError, ValueError, TypeError, EOFError, KeyError, BadZipFile, zlib.error) as error:
         raise RecordingError(f"{path} is damaged ({error}); delete it and record again") from None
     frames = patterns()[pattern_index].frames
     for name in ("images", "joints_rad", "cubes", "touched"):

@@ -8,52 +8,78 @@ order is shuffled every epoch, so in the end every sample is used with its label
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from ptae_lite.dataset import Samples
-from ptae_lite.evaluation import evaluate
+from ptae_lite.evaluation import correct, evaluate, respond, sentences, word_accuracy
+from ptae_lite.language import patterns, sentence
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.signals import Source
 from ptae_lite.training import Recipe, label, train
 
 SHARES = (2, 10, 50, 100)  # percent of the 648 training samples
+SHOWN = 6  # test clips whose descriptions are kept
 
 
-def run_one(samples: Samples, share: float, seed: int, recipe: Recipe, split=("train", "test")):
-    """Train with a share of labels and score: (row of the table, trained model)."""
+def run_one(samples: Samples, share: float, seed: int, recipe: Recipe, split: str = "train"):
+    """Train with a share of labels: the table's row for it, without scores, and the model."""
     begun = time.perf_counter()
-    labelled = label(samples.split(split[0]), share, seed)
-    trained = train(samples, recipe, split=split[0], labelled=labelled)
+    labelled = label(samples.split(split), share, seed)
+    trained = train(samples, recipe, split=split, labelled=labelled)
     steps = trained.about["steps"]
     supervised = recipe.supervised if share == 100 else 0.5
     row = {
         "model": "ptae", "data": "recording", "mode": "samples", "variant": "balanced",
-        "share": share, "seed": seed, "labelled": len(labelled),
-    } | {name: round(value, 3) for name, value in evaluate(trained, samples, split[1]).items()} | {
-        "supervised_presentations": round(steps * recipe.batch * supervised), "steps": steps,
+        "share": share, "seed": seed, "labelled": len(labelled), "steps": steps,
+        "supervised_presentations": round(steps * recipe.batch * supervised),
         "seconds": round(time.perf_counter() - begun),
     }  # fmt: skip
     return row, trained
 
 
-def study(samples: Samples, path, shares=SHARES, seeds=(0,), recipe: Recipe | None = None,
+def scores(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:
+    """What the table says of a model: the numbers of `evaluate`, and describe by word class."""
+    source, indices = Source(trained.dataset(samples)), samples.split(split)
+    words = word_accuracy(respond(trained, source, indices, "describe"), samples, indices)
+    return {k: round(v, 3) for k, v in (evaluate(trained, samples, split) | words).items()}
+
+
+def examples(trained: Trained, samples: Samples, share: float, seed: int) -> pd.DataFrame:
+    """Descriptions of a few test clips, evenly spread over the test set."""
+    source, test = Source(trained.dataset(samples)), samples.split("test")
+    chosen = test[np.linspace(0, len(test) - 1, SHOWN).round().astype(int)]
+    answer = respond(trained, source, chosen, "describe")
+    meanings = [patterns()[i].meaning for i in samples.pattern[chosen]]
+    return pd.DataFrame({
+        "share": share, "seed": seed, "sample": chosen,
+        "truth": [sentence(meaning) for meaning in meanings],
+        "said": sentences(answer), "right": correct(answer, samples, chosen),
+    })  # fmt: skip
+
+
+def study(samples: Samples, folder, shares=SHARES, seeds=(0,), recipe: Recipe = Recipe(),
           progress=lambda jobs: jobs) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in the table at `path`, writing each row as it ends."""
-    path = Path(path)
-    table = pd.read_csv(path) if path.exists() else pd.DataFrame(columns=["share", "seed"])
-    done = set(zip(table["share"], table["seed"], strict=True))
+    """Run what is missing in `supervision.csv`, writing the row and its sentences as each ends."""
+    table, said = Path(folder) / "supervision.csv", Path(folder) / "supervision_sentences.csv"
+    rows = pd.read_csv(table) if table.exists() else pd.DataFrame({"share": [], "seed": []})
+    done = set(zip(rows["share"], rows["seed"], strict=True))
     jobs = [(share, seed) for seed in seeds for share in shares if (share, seed) not in done]
     for share, seed in progress(jobs):
-        made = recipe or Recipe(seed=seed)
-        row, _ = run_one(samples, share, seed, made)
-        table = pd.concat([table, pd.DataFrame([row])], ignore_index=True)
-        write(table, path)
-    return table
+        row, trained = run_one(samples, share, seed, replace(recipe, seed=seed))
+        append(said, examples(trained, samples, share, seed))
+        append(table, pd.DataFrame([row | scores(trained, samples)]))
+    return pd.read_csv(table)
 
 
-def write(table: pd.DataFrame, path: Path) -> None:
-    """Write a table whole or not at all, rows in order."""
+def append(path: Path, rows: pd.DataFrame) -> None:
+    """Add rows to a table, in order; the file is written whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists():
+        rows = pd.concat([pd.read_csv(path), rows], ignore_index=True)
     beside = path.with_name(path.name + ".part")
-    table.sort_values(["share", "seed"]).to_csv(beside, index=False)
+    rows.sort_values(["share", "seed"], kind="stable").to_csv(beside, index=False)
     beside.replace(path)

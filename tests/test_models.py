@@ -1,0 +1,220 @@
+"""PTAE: sizes, attention against torch's, decoders against a re-implementation, storing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from ptae_lite import artefacts
+from ptae_lite.errors import ArtefactError, ConfigError
+from ptae_lite.evaluation import correct, respond
+from ptae_lite.language import SIGNALS
+from ptae_lite.models import PTAE, PTAEConfig, checkpoint
+from ptae_lite.models.crossmodal import Attention, positions
+from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
+from ptae_lite.signals import Source, build
+from ptae_lite.training import losses
+
+
+def parameters(module):
+    return sum(p.numel() for p in module.parameters())
+
+
+@pytest.fixture
+def mixed(source):
+    """Ten samples, slow and fast, with all five signals."""
+    samples = torch.cat([torch.arange(0, 5), torch.arange(500, 505)])
+    return build(source, samples, torch.arange(10) % 5, torch.arange(10) % 8)
+
+
+def test_parameters_are_the_papers():
+    model = PTAE()
+    assert parameters(model) == 1_500_700
+    assert parameters(model.encoder) == 806_912
+    assert parameters(model.language) == 213_399 + 131_584
+    assert parameters(model.action) == 217_221 + 131_584
+
+
+def test_attention_is_torchs():
+    torch.manual_seed(0)
+    ours, theirs = Attention(16, 4), nn.MultiheadAttention(16, 4, batch_first=True)
+    with torch.no_grad():
+        for linear in (ours.query, ours.key, ours.value, ours.output):
+            linear.bias.normal_()
+        parts = (ours.query, ours.key, ours.value)
+        theirs.in_proj_weight.copy_(torch.cat([linear.weight for linear in parts]))
+        theirs.in_proj_bias.copy_(torch.cat([linear.bias for linear in parts]))
+        theirs.out_proj.load_state_dict(ours.output.state_dict())
+    query, keys = torch.randn(3, 6, 16), torch.randn(3, 20, 16)
+    mixed, weights = ours(query, keys)
+    wanted, wanted_weights = theirs(query, keys, keys, average_attn_weights=False)
+    torch.testing.assert_close(mixed, wanted)
+    torch.testing.assert_close(weights, wanted_weights)
+
+
+def test_positions_are_interleaved_sines_and_cosines():
+    code = positions(16, 8)
+    for place in (0, 1, 15):
+        for i in range(4):
+            angle = place / 10000 ** (2 * i / 8)
+            assert code[place, 2 * i].item() == pytest.approx(np.sin(angle), abs=1e-5)
+            assert code[place, 2 * i + 1].item() == pytest.approx(np.cos(angle), abs=1e-5)
+
+
+def test_keys_are_a_set(tiny, mixed):
+    encoder = PTAE(tiny).encoder
+    order = torch.randperm(100, generator=torch.Generator().manual_seed(0))
+    code, weights = encoder(mixed.tokens, mixed.token_mask, mixed.keys)
+    moved, moved_weights = encoder(mixed.tokens, mixed.token_mask, mixed.keys[:, order])
+    torch.testing.assert_close(moved, code, atol=1e-5, rtol=0)
+    torch.testing.assert_close(moved_weights, weights[..., order], atol=1e-5, rtol=0)
+
+
+def test_the_order_of_words_matters(tiny, mixed):
+    encoder, swapped = PTAE(tiny).encoder, mixed.tokens[:, [0, 1, 4, 3, 2, 5]]
+    code, _ = encoder(mixed.tokens, mixed.token_mask, mixed.keys)
+    other, _ = encoder(swapped, mixed.token_mask, mixed.keys)
+    whole = mixed.token_mask.all(1)
+    assert whole.sum() == 6
+    assert (code - other)[whole].abs().amax(1).min() > 1e-3
+
+
+def test_tokens_beyond_a_short_query_have_no_effect(tiny, mixed):
+    encoder = PTAE(tiny).encoder
+    short = ~mixed.token_mask.all(1)
+    alone, _ = encoder(mixed.tokens[short, :2], mixed.token_mask[short, :2], mixed.keys[short])
+    padded, _ = encoder(mixed.tokens, mixed.token_mask, mixed.keys)
+    torch.testing.assert_close(padded[short], alone)
+
+
+def test_padding_is_attended_to(tiny, mixed):
+    _, weights = PTAE(tiny).encoder(mixed.tokens, mixed.token_mask, mixed.keys)
+    fast = weights[5:]
+    assert fast[..., 50:].min() > 0
+    torch.testing.assert_close(fast.sum(-1), torch.ones_like(fast.sum(-1)))
+
+
+def test_gradients_reach_every_parameter(tiny, mixed):
+    """But the bias of the keys: it adds the same to all scores, so the softmax ignores it."""
+    torch.manual_seed(0)
+    model = PTAE(tiny)
+    sum(losses(model(mixed), mixed)).backward()
+    silent = [name for name, p in model.named_parameters() if p.grad.abs().max() < 1e-8]
+    assert silent == ["encoder.attention.key.bias"]
+
+
+def lstm(cell, x, state):
+    """One LSTM step written out: gates lie in the order input, forget, cell, output."""
+    h, c = state
+    gates = x @ cell.weight_ih.T + cell.bias_ih + h @ cell.weight_hh.T + cell.bias_hh
+    i, f, g, o = gates.chunk(4, dim=1)
+    c = torch.sigmoid(f) * c + torch.sigmoid(i) * torch.tanh(g)
+    return torch.sigmoid(o) * torch.tanh(c), c
+
+
+def run_by_hand(decoder, code, inputs, after):
+    """Feed `inputs(t, last answer)` step by step; `after` makes an answer of the raw output."""
+    h0, c0, h1, c1 = (code @ decoder.start.weight.T + decoder.start.bias).chunk(4, dim=1)
+    low, high, answers = (h0, c0), (h1, c1), []
+    for t in range(3):
+        low = lstm(decoder.cells[0], inputs(t, answers[-1] if t else None), low)
+        high = lstm(decoder.cells[1], low[0], high)
+        answers.append(after(high[0] @ decoder.output.weight.T + decoder.output.bias))
+    return torch.stack(answers, dim=1)
+
+
+def test_the_language_decoder_feeds_back_its_softmax():
+    torch.manual_seed(0)
+    decoder, code = LanguageDecoder(16, 8, 2, 1.0), torch.randn(4, 16)
+    bos = torch.eye(23)[:1].expand(4, 23)
+    wanted = run_by_hand(
+        decoder, code, lambda t, last: bos if t == 0 else last, lambda raw: raw.softmax(1)
+    )
+    torch.testing.assert_close(decoder(code, 3).exp(), wanted)
+
+
+def test_the_action_decoder_sees_a_frame_and_its_own_last_pose():
+    torch.manual_seed(0)
+    decoder, code = ActionDecoder(6, 5, 16, 8, 2, 1.0), torch.randn(4, 16)
+    video, start = torch.randn(4, 3, 6), torch.randn(4, 5)
+    wanted = run_by_hand(
+        decoder,
+        code,
+        lambda t, last: torch.cat([video[:, t], start if t == 0 else last], dim=1),
+        torch.tanh,
+    )
+    torch.testing.assert_close(decoder(code, video, start), wanted)
+
+
+def test_forget_gates_start_with_the_configured_bias():
+    cell = ActionDecoder(6, 5, 16, 8, 2, 0.7).cells[1]
+    torch.testing.assert_close((cell.bias_ih + cell.bias_hh)[8:16], torch.full((8,), 0.7))
+
+
+def test_answers_are_probabilities_and_poses_in_range(tiny, mixed):
+    answer = PTAE(tiny)(mixed)
+    assert answer.words.shape == (10, 4, 23) and answer.joints.shape == (10, 99, 5)
+    torch.testing.assert_close(answer.words.exp().sum(2), torch.ones(10, 4))
+    assert answer.joints.abs().max() <= 1
+
+
+def test_it_learns_to_describe_eight_samples(samples, source):
+    """Of eight meanings, by the language loss alone."""
+    torch.manual_seed(0)
+    indices = torch.arange(8) * 108
+    number = torch.full((8,), SIGNALS.index("describe"))
+    batch = build(source, indices, number, torch.zeros(8, dtype=torch.long))
+    sizes = {"features": 6, "hidden": 32, "feed_forward": 64, "decoder_units": 32}
+    model = PTAE(PTAEConfig(**sizes))
+    optimiser = torch.optim.Adam(model.parameters(), lr=0.01)
+    for _ in range(60):
+        optimiser.zero_grad()
+        answer = model(batch)
+        losses(answer, batch)[0].backward()
+        optimiser.step()
+    assert len(set(source.meaning[indices].tolist())) == 8
+    assert correct(model.eval()(batch), samples, indices.numpy()).all()
+
+
+def test_a_model_comes_back_from_its_file_and_answers_the_same(tmp_path, trained, few):
+    path = tmp_path / "model.safetensors"
+    checkpoint.save(path, trained)
+    again = checkpoint.load(path)
+    assert again.model.config == trained.model.config and not again.model.training
+    assert again.about["recipe"] == trained.about["recipe"]
+    assert again.about["history"] == trained.about["history"]
+    for signal in SIGNALS:
+        first, second = (
+            respond(one, Source(one.dataset(few)), np.arange(len(few.frames)), signal)
+            for one in (trained, again)
+        )
+        assert all(torch.equal(a, b) for a, b in zip(first, second, strict=True))
+
+
+def test_a_file_of_something_else_is_no_model(tmp_path):
+    path = tmp_path / "eye.safetensors"
+    artefacts.save_weights(path, {"x": torch.zeros(1)}, {"kind": "separated"})
+    with pytest.raises(
+        ArtefactError, match="holds no model of ours but 'separated'; models are pt"
+    ):
+        checkpoint.load(path)
+
+
+def test_features_of_another_eye_are_refused(trained, few):
+    with pytest.raises(ArtefactError, match="features of the CAE eeeeeeeeeeee, .* of ffffffffffff"):
+        trained.dataset(replace(few, eye="f" * 64))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"hidden": 30}, r"hidden \(30\) must be a multiple of heads \(4\)"),
+        ({"decoder_layers": 0}, "decoder_layers is 0; it must be 1 or more"),
+        ({"dropout": 1.0}, "dropout is 1.0; it must be from 0 to below 1"),
+    ],
+)
+def test_sizes_that_make_no_sense_are_refused(wrong, message):
+    with pytest.raises(ConfigError, match=message):
+        PTAEConfig(**wrong)

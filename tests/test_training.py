@@ -1,0 +1,225 @@
+"""The training loop: losses by hand, who draws which signal, labelled samples, seeds."""
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+import pytest
+import torch
+
+from ptae_lite import training
+from ptae_lite.dataset import fit_scaling
+from ptae_lite.errors import ConfigError
+from ptae_lite.language import patterns
+from ptae_lite.models.ptae import Answer
+from ptae_lite.signals import SUPERVISED, UNSUPERVISED, Batch, build, signal_number
+from ptae_lite.training import Recipe
+
+SUPERVISED_NUMBERS = [signal_number(s) for s in SUPERVISED]
+UNSUPERVISED_NUMBERS = [signal_number(s) for s in UNSUPERVISED]
+
+
+def answer_of(batch: Batch, chances, error) -> Answer:
+    """An answer that gives each wanted word a chance, and misses each pose by `error`."""
+    count = len(batch.words)
+    words = torch.full((count, 4, 23), -50.0)
+    words.scatter_(2, batch.words[..., None], torch.tensor(chances).log()[:, :, None])
+    return Answer(words, batch.joints + error, torch.zeros(count, 1), torch.zeros(count, 1, 6, 100))
+
+
+def test_losses_by_hand(source):
+    """Four steps of a sentence against one of EOS alone; 99 and 49 of 99 steps count."""
+    slow, fast = 0, 500
+    signals = torch.tensor([signal_number("describe"), signal_number("execute")])
+    batch = build(source, torch.tensor([slow, fast]), signals, torch.tensor([0, 3]))
+    chances = [[0.5, 0.25, 0.5, 0.25], [0.1, 0.9, 0.9, 0.9]]
+    language, action = training.losses(answer_of(batch, chances, 0.2), batch)
+    first = -(log(0.5) + log(0.25) + log(0.5) + log(0.25)) / 4
+    assert language.item() == pytest.approx((first - log(0.1)) / 2, rel=1e-5)
+    assert action.item() == pytest.approx(0.2**2 * (99 + 49) / (2 * 99), rel=1e-5)
+
+
+def test_a_perfect_answer_costs_nothing(source):
+    batch = build(source, torch.arange(10), torch.arange(10) % 5, torch.arange(10) % 8)
+    language, action = training.losses(answer_of(batch, [[1.0] * 4] * 10, 0.0), batch)
+    assert language.item() == action.item() == 0
+
+
+@pytest.mark.parametrize("supervised", [2 / 3, 0.02, 0.5])
+def test_signals_are_drawn_in_their_proportions(supervised):
+    drawn = training.draw_signals(np.random.default_rng(0), 60_000, supervised)
+    shares = torch.bincount(drawn, minlength=5) / len(drawn)
+    wanted = [0.0] * 5
+    for numbers, share in (
+        (SUPERVISED_NUMBERS, supervised),
+        (UNSUPERVISED_NUMBERS, 1 - supervised),
+    ):
+        for number in numbers:
+            wanted[number] = share / 2
+    np.testing.assert_allclose(shares, wanted, atol=0.008)
+
+
+def test_an_epoch_takes_every_sample_once(samples):
+    train = samples.split("train")
+    batches = list(training.epoch_batches(np.random.default_rng(0), train, None, Recipe()))
+    assert [len(part) for part, _ in batches] == [54] * 12
+    assert sorted(np.concatenate([part for part, _ in batches])) == train.tolist()
+
+
+@pytest.mark.parametrize("share", [1, 10, 50, 66.6, 99])
+def test_only_labelled_samples_take_supervised_signals_and_only_they(samples, share):
+    train = samples.split("train")
+    labelled = training.label(train, share, seed=0)
+    batches = training.epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
+    parts, signals = (np.concatenate(column) for column in zip(*batches, strict=True))
+    supervised = np.isin(signals, SUPERVISED_NUMBERS)
+    assert np.isin(signals[~supervised], UNSUPERVISED_NUMBERS).all()
+    np.testing.assert_array_equal(np.isin(parts, labelled), supervised)
+    assert supervised.mean() == 0.5
+
+
+def test_few_labelled_samples_are_all_used_and_the_others_in_turn(samples):
+    train = samples.split("train")
+    labelled = training.label(train, 1, seed=0)
+    batches = training.epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
+    parts = np.concatenate([part for part, _ in batches])
+    assert set(labelled) <= set(parts)
+    others = parts[~np.isin(parts, labelled)]
+    assert len(set(others)) == len(others) == 324
+
+
+@pytest.mark.parametrize(
+    ("percent", "count"), [(1, 7), (2, 13), (5, 33), (10, 65), (50, 324), (100, 648)]
+)
+def test_labelled_shares_are_rounded_up_as_in_the_paper(samples, percent, count):
+    train = samples.split("train")
+    labelled = training.label(train, percent, seed=3)
+    assert len(set(labelled)) == count and set(labelled) <= set(train)
+    np.testing.assert_array_equal(labelled, training.label(train, percent, seed=3))
+
+
+def test_another_seed_labels_other_samples(samples):
+    train = samples.split("train")
+    first, second = (training.label(train, 10, seed) for seed in (0, 1))
+    assert not np.array_equal(first, second)
+
+
+@pytest.mark.parametrize("share", [0, -1, 100.1])
+def test_a_share_that_does_not_exist_is_refused(samples, share):
+    with pytest.raises(ConfigError, match=f"a share of {share} % does not exist"):
+        training.label(samples.split("train"), share, seed=0)
+
+
+def weights(trained):
+    return torch.cat([p.flatten() for p in trained.model.parameters()])
+
+
+def test_the_same_seed_gives_the_same_weights_and_another_others(few, tiny):
+    made = [
+        weights(training.train(few, Recipe(epochs=1, batch=12, seed=seed), config=tiny))
+        for seed in (1, 1, 2)
+    ]
+    assert torch.equal(made[0], made[1])
+    assert not torch.equal(made[0], made[2])
+
+
+def test_training_lowers_both_losses_and_tells_every_epoch(few, tiny):
+    told = []
+    trained = training.train(
+        few,
+        Recipe(epochs=10, batch=8, learning_rate=0.02),
+        config=tiny,
+        on_epoch=lambda epoch, now: told.append((epoch, len(now.about["history"]))),
+    )
+    assert told == [(epoch, epoch) for epoch in range(1, 11)]
+    first, last = (np.array(trained.about["history"][i]) for i in (0, -1))
+    assert (last < first).all()
+    assert trained.about["steps"] == 10 * 3 and not trained.model.training
+
+
+def test_scaling_is_fitted_on_training_samples_only(few, tiny):
+    changed = few.joints.copy()
+    changed[few.split("test")] *= 5
+    recipe = Recipe(epochs=1, batch=12)
+    first = training.train(few, recipe, config=tiny)
+    second = training.train(replace(few, joints=changed), recipe, config=tiny)
+    np.testing.assert_array_equal(first.scaling.joint_range, second.scaling.joint_range)
+    assert torch.equal(weights(first), weights(second))
+
+
+def test_all_samples_labelled_is_the_regular_training(few, tiny):
+    train, recipe = few.split("train"), Recipe(epochs=1, batch=12)
+    regular = training.train(few, recipe, config=tiny)
+    labelled = training.train(few, recipe, config=tiny, labelled=train)
+    assert torch.equal(weights(regular), weights(labelled))
+    assert regular.about["labelled"] == labelled.about["labelled"] == len(train)
+
+
+def test_a_labelled_training_says_how_many_were_labelled(few, tiny):
+    labelled = few.split("train")[:5]
+    trained = training.train(few, Recipe(epochs=1, batch=12), config=tiny, labelled=labelled)
+    assert trained.about["labelled"] == 5
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"epochs": 0}, "at least one epoch"),
+        ({"batch": 1}, "batches of at least two"),
+        ({"supervised": 0.0}, "supervised is 0.0; it is a share between 0 and 1"),
+        ({"supervised": 1.0}, "supervised is 1.0"),
+    ],
+)
+def test_recipes_that_make_no_sense_are_refused(wrong, message):
+    with pytest.raises(ConfigError, match=message):
+        Recipe(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"recipe": Recipe(batch=54)}, "24 samples do not fill a batch of 54"),
+        ({"labelled": np.array([35])}, "labelled samples must belong to the split 'train'"),
+        ({"split": "all"}, "no split 'all'; there are train, test, held_out, fit"),
+    ],
+)
+def test_trainings_that_make_no_sense_are_refused(few, tiny, wrong, message):
+    with pytest.raises(ConfigError, match=message):
+        training.train(few, **({"recipe": Recipe(epochs=1, batch=8), "config": tiny} | wrong))
+
+
+def test_scaling_whitens_features_and_brings_joints_to_their_room(samples, scaling):
+    train = samples.split("train")
+    inside = np.arange(100) < samples.frames[train, None]
+    joints = scaling.joints(samples.joints[train][inside])
+    np.testing.assert_allclose([joints.min(0), joints.max(0)], [[-0.9] * 5, [0.9] * 5], atol=1e-6)
+    features = scaling.features(samples.features[train][inside])
+    np.testing.assert_allclose(features.mean(0), 0, atol=1e-6)
+    np.testing.assert_allclose(np.cov(features, rowvar=False), 0.25 * np.eye(6), atol=1e-3)
+
+
+def test_scaled_joints_come_back(samples, scaling):
+    np.testing.assert_allclose(
+        scaling.joints_back(scaling.joints(samples.joints)), samples.joints, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize(("exponent", "power"), [(0.0, 1.0), (0.25, 0.5)])
+def test_a_smaller_exponent_keeps_more_of_the_features_own_spread(samples, exponent, power):
+    """Variances after scaling are the principal ones to the power 1 - 2 exponent."""
+    changed = replace(samples, features=samples.features * np.float32([1, 2, 3, 4, 5, 6]))
+    train = changed.split("train")
+    inside = np.arange(100) < changed.frames[train, None]
+    raw = changed.features[train][inside].astype(float)
+    scaled = fit_scaling(changed, train, exponent).features(raw)
+    wanted = np.linalg.eigvalsh(np.cov(raw, rowvar=False)) ** power
+    np.testing.assert_allclose(scaled.var(0), 0.25 * wanted / wanted.mean(), rtol=1e-3)
+
+
+def test_held_out_patterns_are_training_patterns_of_every_second_meaning(samples):
+    held_out, fit = samples.split("held_out"), samples.split("fit")
+    assert sorted([*held_out, *fit]) == samples.split("train").tolist()
+    held = {samples.pattern[i] for i in held_out}
+    assert len(held) == len({patterns()[i].meaning for i in held}) == 18
+    kept = {patterns()[samples.pattern[i]].meaning for i in fit}
+    assert len(kept) == 36

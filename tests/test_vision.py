@@ -1,0 +1,156 @@
+"""The eye: layers, separation of the channels, training and storing."""
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from ptae_lite import artefacts, vision
+from ptae_lite.errors import ArtefactError, ConfigError
+
+
+def parameters(module):
+    return sum(p.numel() for p in module.parameters())
+
+
+@pytest.fixture
+def images():
+    """Eight pictures of one coloured square each, on black."""
+    rng = np.random.default_rng(0)
+    made = np.zeros((8, 120, 160, 3), np.uint8)
+    for image, (row, column) in zip(made, rng.integers(0, 90, (8, 2)), strict=True):
+        image[row : row + 30, column : column + 30] = rng.integers(0, 256, 3)
+    return made
+
+
+@pytest.mark.parametrize(
+    ("eye", "count", "features"),
+    [
+        (vision.CAE(1), 664_891, 10),
+        (vision.ChannelSeparatedCAE(), 1_994_673, 30),
+        (vision.PlainCAE(), 665_405, 10),
+        (vision.PlainCAE(30), None, 30),
+    ],
+)
+def test_sizes_are_the_published_ones(eye, count, features):
+    if count:
+        assert parameters(eye) == count
+    channels = getattr(eye, "channels", 3)
+    given = torch.rand(2, channels, 120, 160)
+    assert eye.encode(given).shape == (2, features)
+    made = eye(given)
+    assert made.shape == given.shape
+    assert made.min() >= 0 and made.max() <= 1
+
+
+def test_layers_are_the_published_ones():
+    """Convolutions halve the image three times and divide it by five; no activation after them."""
+    cae, shapes = vision.CAE(1), []
+    x = torch.rand(1, 1, 120, 160)
+    for layer in [*cae.encoder, *cae.decoder]:
+        x = layer(x)
+        if not isinstance(layer, nn.ReLU | nn.Flatten | nn.Sigmoid):
+            shapes.append(tuple(x.shape[1:]))
+    assert shapes == [
+        (8, 60, 80), (16, 30, 40), (32, 15, 20), (64, 3, 4), (384,), (192,), (10,),
+        (192,), (384,), (32, 3, 4), (32, 15, 20), (16, 30, 40), (8, 60, 80), (1, 120, 160),
+    ]  # fmt: skip
+    kinds = "".join(type(layer).__name__[0] for layer in [*cae.encoder, *cae.decoder])
+    assert kinds == "CRCRCRCR" + "FLLL" + "LLU" + "CRCRCRCS"
+
+
+@pytest.mark.parametrize("kind", vision.EYES)
+def test_gradients_reach_every_parameter(kind):
+    eye = vision.make_eye(kind)
+    given = torch.rand(4, 3, 120, 160)
+    nn.functional.binary_cross_entropy(eye(given), given).backward()
+    assert [n for n, p in eye.named_parameters() if p.grad is None or not p.grad.any()] == []
+
+
+def test_red_features_do_not_see_green():
+    torch.manual_seed(0)
+    eye, given = vision.ChannelSeparatedCAE(), torch.rand(2, 3, 120, 160)
+    changed = given.clone()
+    changed[:, 1] = torch.rand(2, 120, 160)
+    before, after = eye.encode(given), eye.encode(changed)
+    same = (before == after).all(0)
+    assert same.tolist() == [True] * 10 + [False] * 10 + [True] * 10
+    untouched = (eye.decode(before) == eye.decode(after)).flatten(2).all(2).all(0)
+    assert untouched.tolist() == [True, False, True]
+
+
+def test_images_become_channels_first_from_0_to_1(images):
+    given = vision.as_input(images)
+    assert given.shape == (8, 3, 120, 160) and given.dtype == torch.float32
+    assert given[3, 2, 50, 60].item() == pytest.approx(images[3, 50, 60, 2] / 255)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        np.zeros((120, 160, 3), np.uint8),
+        np.zeros((1, 160, 120, 3), np.uint8),
+        np.zeros((1, 3, 120, 160), np.uint8),
+        np.zeros((1, 120, 160, 4), np.uint8),
+        np.zeros((1, 120, 160, 3)),
+    ],
+    ids=lambda array: f"{array.shape} {array.dtype}",
+)
+def test_images_of_another_shape_are_refused(unchecked, wrong):
+    with pytest.raises(ConfigError, match="B x 120 x 160 x 3 bytes, not .* of"):
+        vision.as_input(wrong)
+
+
+@pytest.mark.parametrize("kind", vision.EYES)
+def test_a_short_training_lowers_the_loss(images, kind):
+    recipe = vision.EyeRecipe(steps=12, batch=4, learning_rate=0.01)
+    losses = vision.train_eye(vision.make_eye(kind), images, recipe)
+    assert len(losses) == 12
+    assert losses[-1] < losses[0] - 0.03
+
+
+def test_the_same_seed_gives_the_same_eye_and_another_another(images):
+    def trained(seed):
+        eye = vision.PlainCAE(3)
+        vision.train_eye(eye, images, vision.EyeRecipe(steps=2, batch=2, seed=seed))
+        return torch.cat([p.flatten() for p in eye.parameters()])
+
+    assert torch.equal(trained(1), trained(1))
+    assert not torch.equal(trained(1), trained(2))
+
+
+def test_features_do_not_depend_on_the_batch(images):
+    eye = vision.ChannelSeparatedCAE().eval()
+    together = vision.encode_images(eye, images)
+    assert together.shape == (8, 30)
+    np.testing.assert_allclose(vision.encode_images(eye, images, batch=3), together, atol=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "code"), [("separated", 2), ("plain", 5)])
+def test_an_eye_comes_back_from_its_file(tmp_path, images, kind, code):
+    eye = vision.make_eye(kind, code)
+    path = tmp_path / "eye.safetensors"
+    vision.save_eye(path, eye, vision.EyeRecipe())
+    again = vision.load_eye(path)
+    assert again.kind == kind and not again.training
+    np.testing.assert_array_equal(
+        vision.encode_images(again, images), vision.encode_images(eye, images)
+    )
+
+
+def test_a_file_of_something_else_is_no_eye(tmp_path):
+    path = tmp_path / "other.safetensors"
+    artefacts.save_weights(path, {"x": torch.zeros(1)}, {"kind": "ptae"})
+    with pytest.raises(ArtefactError, match="holds no CAE but 'ptae'"):
+        vision.load_eye(path)
+
+
+def test_an_unknown_eye_is_refused_with_those_there_are():
+    with pytest.raises(ConfigError, match="no eye 'third'; there are separated, plain"):
+        vision.make_eye("third")
+
+
+@pytest.mark.parametrize("wrong", [{"steps": 0}, {"batch": 0}])
+def test_a_recipe_without_steps_or_images_is_refused(wrong):
+    with pytest.raises(ConfigError, match="at least one step"):
+        vision.EyeRecipe(**wrong)
