@@ -63,7 +63,9 @@ def test_an_unknown_name_is_refused_with_those_there_are(data):
         artefacts.stored("three.bin")
 
 
-@pytest.mark.parametrize(("text", "message"), [(None, "is missing, so no"), ("{", "is damaged")])
+@pytest.mark.parametrize(
+    ("text", "message"), [(None, "is missing, so no"), ("{", "is damaged"), ("[]", "is damaged")]
+)
 def test_without_a_manifest_nothing_is_trusted(data, text, message):
     (data / "MANIFEST.json").unlink()
     if text is not None:
@@ -169,6 +171,35 @@ def test_features_of_another_eye_are_refused(write):
         dataset.load()
 
 
+def test_features_are_refused_where_the_manifest_names_no_eye(write, data):
+    write()
+    entries = json.loads((data / "MANIFEST.json").read_text())
+    del entries[EYE_FILE]
+    (data / "MANIFEST.json").write_text(json.dumps(entries))
+    with pytest.raises(ArtefactError, match=f"no stored file '{EYE_FILE}'"):
+        dataset.load()
+
+
+@pytest.mark.parametrize("index", [144, -1])
+def test_a_sample_of_a_pattern_that_does_not_exist_is_refused(write, index):
+    write(arrays=recorded(pattern=np.array([0, index])))
+    message = f"pattern {index} does not exist; patterns are 0 to 143; record again"
+    with pytest.raises(RecordingError, match=message):
+        dataset.load()
+
+
+@pytest.mark.parametrize("name", ["joints_rad", "touched", "frames", "variation", "features"])
+def test_a_recording_without_one_of_its_arrays_is_refused(write, data, name):
+    arrays = recorded()
+    arrays.pop(name, None)
+    write(arrays=arrays)
+    if name == "features":
+        np.savez(data / "recording/features.npz", eye="e")
+        artefacts.register("recording/features.npz", command=COMMAND, seed=0, minutes=0, data=data)
+    with pytest.raises(RecordingError, match=f"no array '{name}', so it is no recording of ours"):
+        dataset.load()
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -176,6 +207,9 @@ def test_features_of_another_eye_are_refused(write):
          "joints_rad has 149 frames, the clip lengths add up to 150"),
         ({"arrays": recorded(cubes=np.zeros((151, 2, 7), np.float32))}, "cubes has 151 frames"),
         ({"arrays": recorded(touched=np.zeros((1, 2), bool))}, "touched has 1 frames"),
+        ({"arrays": recorded(pattern=np.array([0]))},
+         "pattern is given for 1 samples, the clip length for 2"),
+        ({"arrays": recorded(variation=np.zeros(3, int))}, "variation is given for 3 samples"),
         ({"features": 140}, "140 frames of features for 150 frames of joints"),
         ({"arrays": recorded(pattern=np.array([0, 1]))},
          "a sample of pattern 1 has 50 frames, not 100"),

@@ -46,7 +46,7 @@ def refusal(capsys):
 @pytest.fixture
 def few_stored(few, monkeypatch):
     """`load` gives a few made-up samples."""
-    monkeypatch.setattr(dataset, "load", lambda data: few)
+    monkeypatch.setattr(dataset, "load", lambda data, holdout=None: few)
     return few
 
 

@@ -8,6 +8,7 @@ import torch
 
 from ptae_lite import evaluation
 from ptae_lite.dataset import Scaling, prepare
+from ptae_lite.errors import LanguageError
 from ptae_lite.language import MEANINGS, encode, pattern, sentence
 from ptae_lite.models.ptae import Answer
 from ptae_lite.signals import Source
@@ -119,6 +120,15 @@ def test_target_poses_are_the_clip_or_a_pose_held_still(samples):
     for signal in ("execute", "repeat action"):
         clip = evaluation.target_poses(samples, indices, signal)
         np.testing.assert_array_equal(clip, samples.joints[indices, 1:])
+
+
+def test_a_signal_that_does_not_exist_is_refused(trained, samples):
+    source = Source(trained.dataset(samples))
+    message = "no signal 'sing'; the signals are describe, execute, repeat action"
+    with pytest.raises(LanguageError, match=message):
+        evaluation.target_poses(samples, [0], "sing")
+    with pytest.raises(LanguageError, match=message):
+        evaluation.respond(trained, source, [0], "sing")
 
 
 def test_references_by_hand(two):

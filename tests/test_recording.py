@@ -9,7 +9,7 @@ from hashlib import sha256
 import numpy as np
 import pytest
 
-from ptae_lite.errors import RecordingError
+from ptae_lite.errors import LanguageError, RecordingError
 from ptae_lite.language import pattern
 from ptae_lite.robot import recorder
 
@@ -201,6 +201,17 @@ def test_a_sequence_without_one_of_its_arrays_is_refused(tmp_path):
     put(tmp_path, **arrays)
     with pytest.raises(RecordingError, match="cubes"):
         recorder.load_sequence(tmp_path, FAST, 0)
+
+
+@pytest.mark.parametrize("index", [-1, 144])
+def test_a_pattern_that_does_not_exist_is_refused(tmp_path, index):
+    folder = tmp_path / "new"
+    message = f"pattern {index} does not exist; patterns are 0 to 143"
+    with pytest.raises(LanguageError, match=message):
+        recorder.record(folder, only=[FAST, index], workers=1)
+    with pytest.raises(LanguageError, match=message):
+        recorder.load_sequence(folder, index, 0)
+    assert not folder.exists()
 
 
 def test_a_recording_with_a_gap_is_not_gathered(tmp_path):

@@ -227,12 +227,21 @@ def test_both_phases_run_and_either_can_fail(units, books, calls, monkeypatch, c
     assert run.test("py", {}, run.parse(["test", "--", "-k", "words"])) == int(bool(units or books))
     assert len(calls) == 2
     assert "-k" in calls[0] and "-k" not in calls[1]
+    for name, command in zip(("unit", "notebooks"), calls, strict=True):
+        assert f"--junitxml=build/junit-{name}.xml" in command
+        assert "--durations=10" in command
     assert capsys.readouterr().out.count("FAILED") == bool(units) + bool(books)
 
 
 def test_jupyterlab_is_reachable_from_this_machine_only(calls):
     run.lab("py", {}, run.parse(["lab"]))
     assert "--ip=127.0.0.1" in calls[0]
+
+
+def test_the_library_knows_the_same_tiers():
+    from ptae_lite import tiers
+
+    assert tuple(tiers.TIERS) == run.TIERS
 
 
 def test_arguments(capsys):

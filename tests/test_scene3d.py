@@ -175,7 +175,7 @@ BAD = {
 
 
 @pytest.mark.parametrize(("changes", "message"), BAD.values(), ids=BAD)
-def test_what_does_not_fit_is_refused(changes, message):
+def test_what_does_not_fit_is_refused(unchecked, changes, message):
     with pytest.raises(PTAEError, match=message):
         make(**changes)
 

@@ -12,6 +12,7 @@ from ptae_lite.errors import RecordingError
 from ptae_lite.language import pattern, patterns
 from ptae_lite.robot import arm, inverse, motions, scene
 from ptae_lite.robot.recorder import record_sequence, samples_in_order
+from ptae_lite.splits import SPLITS
 
 
 @pytest.fixture(scope="module")
@@ -162,7 +163,7 @@ def test_a_frame_that_is_not_stored_is_refused_with_those_that_are():
 
 def test_the_stored_recording_loads_with_its_features():
     samples = dataset.load()
-    sizes = {name: len(samples.split(name)) for name in dataset.SPLITS}
+    sizes = {name: len(samples.split(name)) for name in SPLITS}
     assert sizes == {"train": 648, "test": 216, "held_out": 108, "fit": 540}
     assert samples.features.shape == (864, 100, 30)
     inside = np.arange(100) < samples.frames[:, None]

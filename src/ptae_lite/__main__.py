@@ -17,7 +17,8 @@ from tqdm import tqdm
 from ptae_lite.errors import PTAEError
 
 RECORDING = "build/recording"
-DATA_HELP = "'recording' for the stored features, or a recording's folder"
+DATA_HELP = "'recording' for the stored features, a recording's folder, or the authors' data folder"
+HOLDOUT_HELP = "patterns kept aside from an authors' folder without its test part"
 
 
 def bar(items, **options):
@@ -69,7 +70,7 @@ def do_train(options) -> dict:
     from ptae_lite.evaluation import evaluate
     from ptae_lite.models import checkpoint
 
-    samples = dataset.load(options.data)
+    samples = dataset.load(options.data, options.holdout)
     recipe = training.Recipe(seed=options.seed)
     if options.epochs is not None:
         recipe = training.Recipe(seed=options.seed, epochs=options.epochs)
@@ -83,7 +84,8 @@ def do_train(options) -> dict:
     )  # fmt: skip
     checkpoint.save(options.out, trained)
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
-    return {"weights": str(options.out), "steps": trained.about["steps"]} | _rounded(scores)
+    made = {"weights": str(options.out), "steps": trained.about["steps"]}
+    return made | _rounded(scores) | _caution(samples)
 
 
 def do_evaluate(options) -> dict:
@@ -93,7 +95,8 @@ def do_evaluate(options) -> dict:
 
     torch.set_num_threads(options.threads)
     trained = checkpoint.load(options.weights)
-    return _rounded(evaluate(trained, dataset.load(options.data), options.split))
+    samples = dataset.load(options.data, options.holdout)
+    return _rounded(evaluate(trained, samples, options.split)) | _caution(samples)
 
 
 def do_study(options) -> dict:
@@ -106,6 +109,13 @@ def do_study(options) -> dict:
         progress=lambda jobs: bar(jobs, desc="trainings"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+
+
+def _caution(samples) -> dict:
+    """What must stand beside scores on patterns that only stand in for the test set."""
+    if samples.holdout is None:
+        return {}
+    return {"test_part": f"{samples.holdout} held-out training patterns, not the paper's test set"}
 
 
 def _rounded(scores: dict) -> dict:
@@ -165,6 +175,7 @@ def parser() -> argparse.ArgumentParser:
     train.add_argument("model", choices=("ptae", "cae", "plain-cae"), help="what to train")
     train.add_argument("--data", default="recording",
                        help=DATA_HELP)  # fmt: skip
+    train.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
     train.add_argument("--seed", type=int, default=0, help="seed of weights and batches")
     train.add_argument("--epochs", type=int, help="epochs of PTAE (default: the recipe's)")
     train.add_argument("--labelled", type=float, metavar="PERCENT",
@@ -180,6 +191,7 @@ def parser() -> argparse.ArgumentParser:
     test.add_argument("weights", help="safetensors file that `train` wrote")
     test.add_argument("--data", default="recording",
                       help=DATA_HELP)  # fmt: skip
+    test.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
     test.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
     test.add_argument("--threads", type=int, default=1, help="threads")
 

@@ -34,11 +34,20 @@ def manifest(data: Path | None = None) -> dict:
             "work in a complete checkout, or restore it with: git checkout data"
         )
     try:
-        return json.loads(path.read_text())
+        found = json.loads(path.read_text())
     except ValueError:
-        raise ArtefactError(
-            f"{path} is damaged; restore it with: git checkout data/{MANIFEST}"
-        ) from None
+        found = None
+    if not isinstance(found, dict):
+        raise ArtefactError(f"{path} is damaged; restore it with: git checkout data/{MANIFEST}")
+    return found
+
+
+def entry_of(name: str, data: Path | None = None) -> dict:
+    """The manifest's entry of one file. Raises `ArtefactError` naming the files there are."""
+    entries = manifest(data)
+    if name not in entries:
+        raise ArtefactError(f"no stored file {name!r}; there are {', '.join(sorted(entries))}")
+    return entries[name]
 
 
 def stored(name: str, data: Path | None = None) -> Path:
@@ -48,10 +57,7 @@ def stored(name: str, data: Path | None = None) -> Path:
         ArtefactError: with the name, the expected hash and the command that makes the file again.
     """
     data = data or DATA
-    entries = manifest(data)
-    if name not in entries:
-        raise ArtefactError(f"no stored file {name!r}; there are {', '.join(sorted(entries))}")
-    entry, path = entries[name], data / name
+    entry, path = entry_of(name, data), data / name
     mend = (
         f"restore it with: git checkout data/{name} "
         f"(it was made with: {entry['command']}; expected SHA-256 {entry['sha256']})"

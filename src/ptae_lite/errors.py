@@ -14,7 +14,7 @@ class RobotError(PTAEError):
 
 
 class RecordingError(PTAEError):
-    """A folder that is not a recording of ours, or a sample whose arrays disagree."""
+    """A folder that is no recording of ours, a wrong file of the authors', arrays that disagree."""
 
 
 class ArtefactError(PTAEError):

@@ -119,6 +119,7 @@ def evaluate(trained: Trained, samples: Samples, split: str = "test") -> dict[st
 
 def target_poses(samples: Samples, indices, signal: str) -> Float[np.ndarray, "M 99 5"]:
     """The joints that a signal asks for, in the data's unit: the clip, or a pose held still."""
+    signal_number(signal)  # refuses one that does not exist
     joints = samples.joints[indices]
     kind = WIRING[signal].joints
     if kind == "clip":

@@ -1,4 +1,8 @@
-"""Figures of joints, attention, learning and results. Data in, a matplotlib figure out."""
+"""Figures of joints, attention, learning and results.
+
+Data in, a matplotlib figure out, off pyplot's list: a notebook shows it where it is a cell's last
+line.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +32,7 @@ def trajectories(
     axes[2].set_xlabel("frame")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     figure.suptitle(title, fontsize=10)
-    return figure
+    return style.closed(figure)
 
 
 def attention_map(
@@ -47,7 +51,7 @@ def attention_map(
         axis.grid(False)
     figure.colorbar(picture, ax=axes, label="weight")
     figure.suptitle(title, fontsize=10)
-    return figure
+    return style.closed(figure)
 
 
 def learning_curve(history: Float[np.ndarray, "epochs 2"], title: str = "") -> Figure:
@@ -58,7 +62,7 @@ def learning_curve(history: Float[np.ndarray, "epochs 2"], title: str = "") -> F
         axis.set_title(f"{name} loss")
         axis.set_xlabel("epoch")
     figure.suptitle(title, fontsize=10)
-    return figure
+    return style.closed(figure)
 
 
 def by_share(table: pd.DataFrame, paper: dict, chance: float) -> Figure:
@@ -68,7 +72,7 @@ def by_share(table: pd.DataFrame, paper: dict, chance: float) -> Figure:
     """
     figure, axes = plt.subplots(1, 2, figsize=(7.5, 2.9))
     _draw_shares(axes, table, paper, chance)
-    return figure
+    return style.closed(figure)
 
 
 def share_card(table, said: pd.DataFrame, paper: dict, chance: float, share: float) -> Figure:
@@ -85,7 +89,7 @@ def share_card(table, said: pd.DataFrame, paper: dict, chance: float, share: flo
         y = 0.95 - line / (len(said) + 0.5)
         text.text(0, y, f"{row.truth}", **look)
         text.text(0.36, y, f"{verdict}   {row.said}", color=colour, **look)
-    return figure
+    return style.closed(figure)
 
 
 def _draw_shares(axes, table, paper, chance, mark: float | None = None) -> None:
@@ -109,7 +113,7 @@ def _draw_shares(axes, table, paper, chance, mark: float | None = None) -> None:
     axes[0].legend(fontsize=8, loc="lower right")
 
 
-def by_conflicts(table: pd.DataFrame, paper: dict, mark: tuple[str, int] | None = None) -> Figure:
+def by_conflicts(table: pd.DataFrame, paper: dict) -> Figure:
     """The four signals over the number of conflicts; small dots are single choices of aspects."""
     figure, axes = plt.subplots(2, 2, figsize=(7.5, 4.4), sharex=True)
     for axis, (signal, rows) in zip(axes.T.flat, table.groupby("signal", sort=False), strict=True):
@@ -123,9 +127,6 @@ def by_conflicts(table: pd.DataFrame, paper: dict, mark: tuple[str, int] | None 
             axis.plot(0, control[column], "D", color=style.ORANGE, label="congruent extra input")
         axis.plot(3, paper[signal].value, "^", color=style.GREY, fillstyle="none",
                   label="paper's text, 3 conflicts")  # fmt: skip
-        if mark and mark[0] == signal:
-            axis.plot(mark[1], mean[mark[1]], "s", markersize=12, color=style.RED,
-                      fillstyle="none", markeredgewidth=2)  # fmt: skip
         axis.set_title(f"{signal} (conflict in {rows['conflict_in'].iloc[-1]})")
         axis.set(ylabel="accuracy, %" if column == "accuracy" else "NRMSE, %",
                  ylim=(-3, 105) if column == "accuracy" else (0, None),
@@ -133,7 +134,7 @@ def by_conflicts(table: pd.DataFrame, paper: dict, mark: tuple[str, int] | None 
     for axis in axes[-1]:
         axis.set_xlabel("conflicts")
     axes[0, 0].legend(fontsize=8, loc="lower left")
-    return figure
+    return style.closed(figure)
 
 
 def answer_card(heading: str, asked: str, answer: str, right: bool) -> Figure:
@@ -147,4 +148,4 @@ def answer_card(heading: str, asked: str, answer: str, right: bool) -> Figure:
               family="monospace", color=style.BLUE if right else style.RED)  # fmt: skip
     axis.text(1, 0.18, verdict, transform=axis.transAxes, ha="right", weight="bold",
               color=style.BLUE if right else style.RED)  # fmt: skip
-    return figure
+    return style.closed(figure)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import matplotlib
 import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 
 # Okabe and Ito's palette, safe for the common kinds of colour blindness
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
@@ -31,3 +32,9 @@ RC = {
 def use() -> None:
     """Take this look for every figure that follows in this process."""
     plt.rcParams.update(RC)
+
+
+def closed(figure: Figure) -> Figure:
+    """The figure, off pyplot's list: or a notebook would show it a second time, below the cell."""
+    plt.close(figure)
+    return figure

@@ -9,7 +9,7 @@ from torch import nn
 
 from ptae_lite import artefacts
 from ptae_lite.dataset import Dataset, Samples, Scaling, prepare
-from ptae_lite.errors import ArtefactError
+from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.models.ptae import PTAE, PTAEConfig
 
 MODELS = {"ptae": (PTAE, PTAEConfig)}
@@ -24,12 +24,21 @@ class Trained:
     about: dict  # kind, config, eye, recipe, history ...
 
     def dataset(self, samples: Samples) -> Dataset:
-        """`samples` scaled as this model was trained; refused if another eye saw them."""
+        """`samples` scaled as this model was trained.
+
+        Refused if another eye saw them, or if patterns are held out that it was trained on.
+        """
         if samples.eye != self.about["eye"]:
             raise ArtefactError(
                 f"this model was trained on features of the CAE {self.about['eye'][:12]}, "
                 f"the samples have those of {samples.eye[:12]}; train it on these features, or "
                 "make the features again with its CAE"
+            )
+        mine = self.about.get("holdout")
+        if samples.holdout not in (None, mine):
+            raise ConfigError(
+                f"{samples.holdout} patterns are held out, but this model was trained with "
+                f"{mine or 'none'} held out and may have seen them; evaluate it as it was trained"
             )
         return prepare(samples, self.scaling)
 

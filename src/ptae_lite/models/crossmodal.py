@@ -81,11 +81,15 @@ class CrossmodalTransformer(nn.Module):
         tokens: Int[Tensor, "B N"],
         token_mask: Bool[Tensor, "B N"],
         keys: Float[Tensor, "B T K"],
+        attend=Attention.__call__,
     ):
-        """The code h (B, H) and the attention weights (B, heads, N, T)."""
+        """The code h (B, H) and the attention weights (B, heads, N, T).
+
+        `attend(attention, query, keys)` may be another form of the same (see `fast`).
+        """
         one_hot = functional.one_hot(tokens, self.embed_token.in_features).to(keys.dtype)
         x = self._embed(self.embed_token, one_hot) + self.positions[: tokens.shape[1]]
-        attended, weights = self.attention(x, self._embed(self.embed_frame, keys))
+        attended, weights = attend(self.attention, x, self._embed(self.embed_frame, keys))
         x = self.attention_norm(x + self.dropout(attended))
         fed = self.narrow(self.dropout(functional.relu(self.widen(x))))
         x = self.output_norm(x + self.dropout(fed))

@@ -23,6 +23,7 @@ from zipfile import BadZipFile
 import numpy as np
 from joblib import Parallel, delayed
 
+from ptae_lite import language
 from ptae_lite.errors import RecordingError
 from ptae_lite.language import Pattern, patterns
 from ptae_lite.robot import arm, motions, scene, urdf
@@ -67,8 +68,10 @@ def record_sequence(pattern: Pattern, variation: int) -> Sequence:
 def fingerprint() -> str:
     """A short hash of what shapes a recording: the robot, the scene, and how each action moves."""
     digest = hashlib.sha256(urdf.nico_urdf().encode())
-    things = (scene.TABLE_SHAPES, scene.COLOUR_RGBA, scene.LIGHT, scene.VERTICAL_VIEW_DEG,
-              scene.POSITION_GAIN, scene.SUBSTEPS, arm.HEAD_YAW_RAD, arm.HEAD_PITCH_RAD)  # fmt: skip
+    things = (
+        scene.TABLE_SHAPES, scene.COLOUR_RGBA, scene.LIGHT, scene.VERTICAL_VIEW_DEG,
+        scene.POSITION_GAIN, scene.SUBSTEPS, arm.HEAD_YAW_RAD, arm.HEAD_PITCH_RAD,
+    )  # fmt: skip
     digest.update(repr(things).encode())
     for pattern in patterns()[:6] + patterns()[72:78]:
         targets_rad = motions.plan(pattern, motions.draw(motions.sample_seed(pattern.index, 0)))
@@ -76,7 +79,7 @@ def fingerprint() -> str:
     return digest.hexdigest()[:16]
 
 
-def sequence_path(folder: Path, pattern_index: int, variation: int) -> Path:
+def sequence_path(folder: str | Path, pattern_index: int, variation: int) -> Path:
     return Path(folder) / "sequences" / f"p{pattern_index:03d}_v{variation}.npz"
 
 
@@ -91,8 +94,11 @@ def record(folder, *, workers: int = 2, only=None, progress=lambda done: done) -
 
     Raises:
         RecordingError: `folder` holds something else, or a recording of another scene.
+        LanguageError: a pattern that does not exist.
     """
     folder = Path(folder)
+    for index in only or ():
+        language.pattern(index)
     _claim(folder)
     jobs = [
         (index, variation)
@@ -121,7 +127,7 @@ def _claim(folder: Path) -> None:
     about.write_text(json.dumps({"format": FORMAT, "fingerprint": fingerprint()}) + "\n")
 
 
-def check_ours(folder: Path, *, same_scene: bool = True) -> dict:
+def check_ours(folder: str | Path, *, same_scene: bool = True) -> dict:
     """Read `recording.json`. Raises `RecordingError` where the folder is not a recording."""
     about = Path(folder) / "recording.json"
     if not about.is_file():
@@ -154,6 +160,7 @@ def _record_to(folder: Path, index: int, variation: int) -> None:
 
 def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
     """Read one sample with its images, and check that its arrays agree in length."""
+    frames = language.pattern(pattern_index).frames
     path = sequence_path(folder, pattern_index, variation)
     if not path.is_file():
         raise RecordingError(f"{path} is missing; go on recording: python -m ptae_lite record")
@@ -163,7 +170,6 @@ def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
         made = Sequence(**arrays | {"seed": int(arrays["seed"])})
     except (OSError, ValueError, TypeError, EOFError, KeyError, BadZipFile, zlib.error) as error:
         raise RecordingError(f"{path} is damaged ({error}); delete it and record again") from None
-    frames = patterns()[pattern_index].frames
     for name in ("images", "joints_rad", "cubes", "touched"):
         length = len(getattr(made, name))
         if length != frames:

@@ -48,11 +48,16 @@ ANSWERS_WORDS = ("describe", "repeat language")
 
 def conflict_sets(signal: str, conflicts: int) -> tuple[tuple[str, ...], ...]:
     """Every choice of that many conflicting aspects for a signal: 1, 3, 3 or 1 choices."""
-    if signal not in EXTRA_INPUT:
-        raise ConfigError(f"no conflict for signal {signal!r}; there are {', '.join(EXTRA_INPUT)}")
+    aspects = ASPECTS[_extra_input(signal)]
     if conflicts not in range(4):
         raise ConfigError(f"{conflicts} conflicts do not exist; there are 0, 1, 2 or 3")
-    return tuple(combinations(ASPECTS[EXTRA_INPUT[signal]], conflicts))
+    return tuple(combinations(aspects, conflicts))
+
+
+def _extra_input(signal: str) -> str:
+    if signal not in EXTRA_INPUT:
+        raise ConfigError(f"no conflict for signal {signal!r}; there are {', '.join(EXTRA_INPUT)}")
+    return EXTRA_INPUT[signal]
 
 
 def false_sentence(text: str, aspects, rng: np.random.Generator) -> str:
@@ -103,9 +108,14 @@ def conflicting_inputs(samples: Samples, indices, signal: str, aspects, seed: in
 
     Drawn from the seed; the partner has the sample's arrangement and variation number.
     """
-    rng = np.random.default_rng([44, seed])
-    if EXTRA_INPUT[signal] == "language":
-        register = rng.integers(0, 8, len(indices))
+    rng, place = np.random.default_rng([44, seed]), _extra_input(signal)
+    for aspect in aspects:
+        if aspect not in ASPECTS[place]:
+            raise ConfigError(
+                f"no conflict of {aspect!r} in {place}; there are {', '.join(ASPECTS[place])}"
+            )
+    if place == "language":
+        register = rng.integers(0, 8, len(indices)).tolist()
         true = [
             sentence(patterns()[samples.pattern[i]].meaning, k)
             for i, k in zip(indices, register, strict=True)

@@ -31,7 +31,8 @@ def run_one(samples: Samples, share: float, seed: int, recipe: Recipe, split: st
     labelled = label(samples.split(split), share, seed)
     trained = train(samples, recipe, split=split, labelled=labelled)
     steps = trained.about["steps"]
-    supervised = recipe.supervised if share == 100 else 0.5
+    everything = len(labelled) == len(samples.split(split))  # then the training is the regular one
+    supervised = recipe.supervised if everything else 0.5
     row = {
         "model": "ptae", "data": "recording", "mode": "samples", "variant": "balanced",
         "share": share, "seed": seed, "labelled": len(labelled), "steps": steps,
@@ -61,9 +62,12 @@ def examples(trained: Trained, samples: Samples, share: float, seed: int) -> pd.
     })  # fmt: skip
 
 
-def study(samples: Samples, folder, shares=SHARES, seeds=(0,), recipe: Recipe = Recipe(),
+def study(samples: Samples, folder, shares=SHARES, seeds=(0,), recipe: Recipe | None = None,
           progress=lambda jobs: jobs) -> pd.DataFrame:  # fmt: skip
     """Run what is missing in `supervision.csv`, writing the row and its sentences as each ends."""
+    recipe = recipe or Recipe()
+    for share in shares:
+        label(samples.split("train"), share, 0)  # refuse a wrong one before the first training
     table, said = Path(folder) / "supervision.csv", Path(folder) / "supervision_sentences.csv"
     rows = pd.read_csv(table) if table.exists() else pd.DataFrame({"share": [], "seed": []})
     done = set(zip(rows["share"], rows["seed"], strict=True))
@@ -76,10 +80,15 @@ def study(samples: Samples, folder, shares=SHARES, seeds=(0,), recipe: Recipe = 
 
 
 def append(path: Path, rows: pd.DataFrame) -> None:
-    """Add rows to a table, in order; the file is written whole or not at all."""
+    """Add rows to a table, in order; the file is written whole or not at all.
+
+    Rows of the same training are replaced: it may have been stopped between its two tables.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():
-        rows = pd.concat([pd.read_csv(path), rows], ignore_index=True)
+        old, key = pd.read_csv(path), ["share", "seed"]
+        again = old.set_index(key).index.isin(rows.set_index(key).index)
+        rows = pd.concat([old[~again], rows], ignore_index=True)
     beside = path.with_name(path.name + ".part")
     rows.sort_values(["share", "seed"], kind="stable").to_csv(beside, index=False)
     beside.replace(path)

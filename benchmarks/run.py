@@ -1,0 +1,177 @@
+#!/usr/bin/env python3
+"""How long the book's jobs take here, and how well the result does, beside their limits.
+
+    python benchmarks/run.py [NAME ...] [--full] [--json]
+
+Names: recording, cae, features, ptae, chapters; all of them if none is given. A job of minutes is
+measured on a fair part and extrapolated to the whole; `--full` does the whole job. The last column
+says which. Run it on an idle machine: beside other work, two threads may take ten times as long.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+
+from rows import Row, clocked, laps, table
+
+ROOT = Path(__file__).resolve().parents[1]
+ALL_FRAMES = 64_800  # of the 864 samples
+REPEATS = 3
+# Patterns whose six variations are recorded in one repeat: each action, both sides and speeds.
+RECORDED = ((0, 4, 74, 75), (1, 5, 72, 76), (2, 3, 73, 77))
+CAE_STEPS, WARM_UP = 12, 2  # the first steps do not count
+ENCODED = 300  # images in one repeat
+
+
+def stored_images(count: int):
+    from ptae_lite import frames
+
+    keys = frames.stored_keys()
+    return frames.images(keys[:: len(keys) // count][:count])
+
+
+def recording(options) -> list[Row]:
+    from ptae_lite.language import patterns
+    from ptae_lite.robot import recorder
+
+    row, per_frame = Row("recording 864 sequences, 2 processes", 6), []
+    with tempfile.TemporaryDirectory() as folder:
+        if options.full:
+            row.value = clocked(partial(recorder.record, folder, workers=2)) / 60
+            return [row]
+
+        def job(some):
+            recorder.record(folder, only=some, workers=2)
+            for index in some:  # in the end each sequence is read once more, to gather them
+                for variation in range(6):
+                    recorder.load_sequence(folder, index, variation)
+
+        job([80])  # starts the processes
+        for some in RECORDED:
+            count = sum(6 * patterns()[index].frames for index in some)
+            per_frame.append(clocked(partial(job, some)) / count)
+    how = f"{len(RECORDED)} x {6 * len(RECORDED[0])} sequences"
+    return [row.extrapolate(per_frame, ALL_FRAMES, how)]
+
+
+def cae(options) -> list[Row]:
+    from ptae_lite import frames, vision
+
+    row, times = Row("training the channel-separated CAE, 2 threads", 12), []
+    recipe, train = vision.EyeRecipe(), partial(vision.train_eye, vision.make_eye("separated"))
+    if options.full:
+        images = frames.training_images(options.data)
+        row.value = clocked(partial(train, images, recipe)) / 60
+        return [row]
+    short = replace(recipe, steps=WARM_UP + CAE_STEPS)
+    train(stored_images(ENCODED), short, progress=laps(times))
+    how = f"{CAE_STEPS} of {recipe.steps} steps"
+    return [row.extrapolate(times[WARM_UP:], recipe.steps, how)]
+
+
+def features(options) -> list[Row]:
+    from ptae_lite import artefacts, vision
+    from ptae_lite.robot.recorder import load_sequence, samples_in_order
+
+    row, eye = Row("features of all frames, 2 threads", 3), vision.make_eye("separated").eval()
+    if options.full:
+        eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+        read = (load_sequence(options.data, *sample).images for sample in samples_in_order())
+        row.value = clocked(lambda: [vision.encode_images(eye, images) for images in read]) / 60
+        return [row]
+    job = partial(vision.encode_images, eye, stored_images(ENCODED))
+    job()  # warms up
+    seconds = [clocked(job) / ENCODED for _ in range(REPEATS)]
+    how = f"{REPEATS} x {ENCODED} frames, without reading them"
+    return [row.extrapolate(seconds, ALL_FRAMES, how)]
+
+
+def ptae(options) -> list[Row]:
+    from ptae_lite import artefacts, dataset, training
+    from ptae_lite.errors import ArtefactError
+    from ptae_lite.evaluation import evaluate
+    from ptae_lite.models import checkpoint
+
+    samples, recipe, times = dataset.load(), training.Recipe(), []
+    row, right = Row("training PTAE, 1 thread", 10), Row("PTAE describes the test samples", 95, "%")
+    right.at_most = False
+    short = recipe if options.full else replace(recipe, epochs=REPEATS)
+    trained = training.train(samples, short, progress=laps(times))
+    if options.full:
+        row.value = sum(times) / 60
+    else:
+        row.extrapolate(times, recipe.epochs, f"{REPEATS} of {recipe.epochs} epochs")
+        right.how = "measured, stored weights"
+        try:
+            trained = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
+        except ArtefactError as error:
+            right.how = f"not measured: {error}"
+            return [row, right]
+    right.value = evaluate(trained, samples)["describe_accuracy"]
+    return [row, right]
+
+
+def chapters(options, root: Path = ROOT) -> list[Row]:
+    record, whole = root / "build" / "chapter_times.json", Row("run.py book", 4)
+    whole.how = "not measured: needs --full"
+    if options.full:
+        command = [sys.executable, root / "run.py", "book"]
+        whole.value = clocked(partial(subprocess.run, command, check=True, stdout=sys.stderr)) / 60
+        whole.how = "measured"
+    if not record.is_file():
+        how = "not measured: first run python3 run.py book"
+        return [Row("each chapter", 60, "s", how=how), whole]
+    rows = []
+    for name, one in sorted(json.loads(record.read_text(encoding="utf-8")).items()):
+        row = Row(f"chapter {name}", 60, "s", one["seconds"], "measured by run.py book")
+        if one["traceback"]:
+            row.value, row.how = None, "not measured: it failed in the last run.py book"
+        rows.append(row)
+    return [*rows, whole]
+
+
+JOBS = {job.__name__: job for job in (recording, cae, features, ptae, chapters)}
+THREADS = {"cae": 2, "features": 2, "ptae": 1}
+
+
+def main(arguments=None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(JOBS))
+    parser.add_argument("--full", action="store_true", help="do each job whole")
+    parser.add_argument("--json", action="store_true", help="print JSON, not a table")
+    parser.add_argument("--data", default=ROOT / "build" / "recording",
+                        help="recording for cae and features with --full")  # fmt: skip
+    options = parser.parse_args(arguments)
+    for name in options.names:
+        if name not in JOBS:
+            parser.error(f"no measure {name!r}; there are {', '.join(JOBS)}")
+    load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else "unknown"
+    machine = {"system": platform.platform(terse=True), "cores": os.cpu_count(),
+               "python": platform.python_version(), "load before": load}  # fmt: skip
+    rows = []
+    for name in options.names or JOBS:
+        print(f"measuring {name} ...", file=sys.stderr, flush=True)
+        if name in THREADS:
+            import torch
+
+            torch.set_num_threads(THREADS[name])
+        rows += JOBS[name](options)
+    if options.json:
+        rows = [asdict(row) | {"holds": row.holds} for row in rows]
+        print(json.dumps({"machine": machine, "rows": rows}))
+    else:
+        print(table(rows), ", ".join(f"{k}: {v}" for k, v in machine.items()), sep="\n\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

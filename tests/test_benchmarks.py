@@ -1,0 +1,107 @@
+"""The benchmark's table: values beside limits, and what was measured or only extrapolated."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
+
+
+@pytest.fixture
+def run(monkeypatch):
+    """The script as a module; it finds its own folder's modules as when it is run."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    spec = importlib.util.spec_from_file_location("benchmarks_run", FOLDER / "run.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture
+def made(run, monkeypatch):
+    """Jobs that take no time: one within its limit, one without a value."""
+    good = run.Row("speed", 2).extrapolate([1.0, 3.0, 2.0], 30, "3 of 30")
+    right = run.Row("right", 95, "%", 94.9, at_most=False)
+    jobs = {"fast": lambda options: [good, right], "none": lambda options: [run.Row("x", 1, "s")]}
+    monkeypatch.setattr(run, "JOBS", jobs)
+    return jobs
+
+
+def test_a_part_is_extrapolated_to_the_whole(run):
+    row = run.Row("a", 2).extrapolate([60.0, 6.0, 12.0], 10, "3 of 10 steps")
+    assert (row.value, row.low, row.high) == (2, 1, 10)
+    assert row.how == "extrapolated from 3 of 10 steps"
+
+
+@pytest.mark.parametrize(
+    ("value", "at_most", "holds"),
+    [(9.9, True, True), (10, True, True), (10.1, True, False), (None, True, None),
+     (9.9, False, False), (10, False, True)],
+)  # fmt: skip
+def test_a_limit_holds_or_not(run, value, at_most, holds):
+    assert run.Row("a", 10, value=value, at_most=at_most).holds is holds
+
+
+def test_the_table_is_markdown(run, made, capsys):
+    assert run.main([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2:5] == [
+        "| speed | 1.0 min | 0.5 to 1.5 | ≤ 2 min | yes | extrapolated from 3 of 30 |",
+        "| right | 94.9 % |  | ≥ 95 % | NO | measured |",
+        "| x |  |  | ≤ 1 s | ? | measured |",
+    ]
+    assert len({line.count("|") for line in lines[:5]}) == 1
+    assert "cores: " in lines[6]
+
+
+def test_json_holds_the_same_rows_and_the_machine(run, made, capsys):
+    assert run.main(["fast", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [row["holds"] for row in found["rows"]] == [True, False]
+    assert found["rows"][0]["value"] == 1 and found["machine"]["python"]
+
+
+def test_an_unknown_name_is_refused_with_those_there_are(run, capsys):
+    with pytest.raises(SystemExit):
+        run.main(["speed"])
+    assert "no measure 'speed'; there are recording, cae, features" in capsys.readouterr().err
+
+
+def test_chapters_are_read_from_the_last_build(run, tmp_path):
+    quick = SimpleNamespace(full=False)
+    missing, whole = run.chapters(quick, tmp_path)
+    assert missing.value is None and "first run python3 run.py book" in missing.how
+    assert whole.value is None and "needs --full" in whole.how
+    (tmp_path / "build").mkdir()
+    times = {
+        "02_b": {"seconds": 61.0, "traceback": ""},
+        "01_a": {"seconds": 7.5, "traceback": ""},
+        "03_c": {"seconds": 1.0, "traceback": "Traceback ..."},
+    }
+    (tmp_path / "build" / "chapter_times.json").write_text(json.dumps(times))
+    rows = run.chapters(quick, tmp_path)[:-1]
+    assert [(row.measure, row.holds) for row in rows] == [
+        ("chapter 01_a", True), ("chapter 02_b", False), ("chapter 03_c", None),
+    ]  # fmt: skip
+    assert "failed" in rows[2].how
+
+
+def test_every_action_is_in_the_recorded_part_once(run):
+    from ptae_lite.language import patterns
+
+    chosen = [patterns()[i] for some in run.RECORDED for i in some]
+    assert sorted(p.action_index for p in chosen) == list(range(12))
+    assert {sum(patterns()[i].frames for i in some) for some in run.RECORDED} == {300}
+
+
+def test_no_simulator_without_a_recording():
+    code = (
+        "import sys; sys.path.insert(0, 'benchmarks'); import run;"
+        "assert run.main(['chapters']) == 0; assert 'pybullet' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], cwd=FOLDER.parent, check=True, capture_output=True)

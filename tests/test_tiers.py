@@ -1,0 +1,65 @@
+"""Tiers, and the paper's numbers: what a chapter reads before anything else."""
+
+import pytest
+
+from ptae_lite import published, tiers
+from ptae_lite.errors import ConfigError
+from ptae_lite.evaluation import CHANCE
+from ptae_lite.signals import PTAE_SIGNALS
+from ptae_lite.studies import incongruence
+from ptae_lite.training import label
+
+
+def test_replay_is_the_default(monkeypatch):
+    monkeypatch.delenv("PTAE_TIER", raising=False)
+    assert tiers.tier() == "replay"
+
+
+@pytest.mark.parametrize(("name", "value"), [("replay", 1), ("quick", 2), ("full", 3)])
+def test_a_tier_takes_its_own_value(monkeypatch, name, value):
+    monkeypatch.setenv("PTAE_TIER", name)
+    assert tiers.by_tier(replay=1, quick=2, full=3) == value
+    assert tiers.tier() == name and tiers.TIERS[name]
+
+
+@pytest.mark.parametrize("name", ["fast", "", "Full"])
+def test_an_unknown_tier_is_refused_with_those_there_are(monkeypatch, name):
+    monkeypatch.setenv("PTAE_TIER", name)
+    for call in (tiers.tier, lambda: tiers.by_tier(replay=1, quick=2, full=3)):
+        with pytest.raises(ConfigError, match=f"PTAE_TIER is '{name}'; .* replay, quick, full"):
+            call()
+
+
+def claims():
+    for name in ("REGULAR", "DESCRIBE_BY_SAMPLES", "THREE_CONFLICTS"):
+        for key, claim in getattr(published, name).items():
+            yield pytest.param(claim, id=f"{name} {key}")
+
+
+@pytest.mark.parametrize("claim", list(claims()))
+def test_every_claim_is_in_percent_and_says_where_it_stands(claim):
+    assert 0 <= claim.value <= 100
+    assert claim.says and claim.section.endswith("results")
+
+
+def test_the_papers_numbers():
+    """As the text states them, once more."""
+    assert {k: c.value for k, c in published.REGULAR.items()} == {
+        "describe_accuracy": 100, "repeat_language_accuracy": 100,
+        "execute_nrmse": 0.99, "repeat_action_nrmse": 1.03,
+    }  # fmt: skip
+    shares = {share: claim.value for share, claim in published.DESCRIBE_BY_SAMPLES.items()}
+    assert shares == {1: 33, 10: 81, 20: 100, 50: 100, 100: 100}
+    conflicts = {signal: claim.value for signal, claim in published.THREE_CONFLICTS.items()}
+    assert conflicts == {
+        "describe": 95, "repeat language": 0, "execute": 4.95, "repeat action": 1.09
+    }  # fmt: skip
+
+
+def test_claims_are_of_things_that_can_be_measured_here(trained, few, samples):
+    from ptae_lite.evaluation import evaluate
+
+    assert set(published.REGULAR) <= set(evaluate(trained, few))
+    assert set(published.THREE_CONFLICTS) == set(incongruence.EXTRA_INPUT) == set(PTAE_SIGNALS)
+    for share, claim in published.DESCRIBE_BY_SAMPLES.items():
+        assert len(label(samples.split("train"), share, 0)) and claim.value > CHANCE
