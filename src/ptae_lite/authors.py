@@ -154,21 +154,19 @@ def _matrix(path: Path, height: int, width: int, why: str) -> Float[np.ndarray, 
         line = min(len(rows), height) + 1
         _refuse(path, line, f"the file has {len(rows)} lines, but {why} has {height}")
     try:
-        return np.array(rows, dtype=np.float32)
+        return _numbers(rows)
     except ValueError:
-        for number, row in enumerate(rows, 1):
-            for text in row:
-                if not _is_number(text):
-                    _refuse(path, number, f"{text!r} is no number")
-        raise
+        pass
+    for number, row in enumerate(rows, 1):  # which of them was it?
+        try:
+            _numbers(row)
+        except ValueError as error:
+            _refuse(path, number, str(error))
 
 
-def _is_number(text: str) -> bool:
-    try:
-        np.float32(text)
-    except ValueError:
-        return False
-    return True
+def _numbers(texts: list) -> np.ndarray:
+    with np.errstate(over="ignore"):  # too large a number is infinite, and refused as that
+        return np.array(texts, dtype=np.float32)
 
 
 def _frames(path: Path, p: Pattern, width: int) -> Float[np.ndarray, "T width"]:
@@ -178,14 +176,14 @@ def _frames(path: Path, p: Pattern, width: int) -> Float[np.ndarray, "T width"]:
 
 def _joints(path: Path, p: Pattern) -> Float[np.ndarray, "T 5"]:
     joints = _frames(path, p, WIDTH["behavior"])
-    for frame, joint in np.argwhere(~((joints >= 0) & (joints <= 1)))[:1]:
+    for frame, joint in np.argwhere(~((joints >= 0) & (joints <= 1)))[:1].tolist():
         _refuse(path, frame + 1, f"joint {joint + 1} is {joints[frame, joint]:g}, not in 0 to 1")
     return joints
 
 
 def _features(path: Path, p: Pattern) -> Float[np.ndarray, "T 30"]:
     features = _frames(path, p, WIDTH["vision"])
-    for frame, k in np.argwhere(~np.isfinite(features))[:1]:
+    for frame, k in np.argwhere(~np.isfinite(features))[:1].tolist():
         _refuse(path, frame + 1, f"feature {k + 1} is {features[frame, k]:g}, not finite")
     return features
 
@@ -193,11 +191,11 @@ def _features(path: Path, p: Pattern) -> Float[np.ndarray, "T 30"]:
 def _check_language(path: Path, p: Pattern) -> None:
     rows = _matrix(path, 8 * SENTENCE_ROWS, WIDTH["language"], "a language file")
     one_hot = ((rows == 0) | (rows == 1)).all(1) & (rows.sum(1) == 1)
-    for row in np.flatnonzero(~one_hot)[:1]:
+    for row in np.flatnonzero(~one_hot)[:1].tolist():
         _refuse(path, row + 1, "is not one-hot: it needs a single 1 among zeros")
     said = rows.argmax(1).reshape(8, SENTENCE_ROWS)
     wanted = np.array([encode(sentence(p.meaning, k)) for k in range(8)])
-    for k, place in np.argwhere(said != wanted)[:1]:
+    for k, place in np.argwhere(said != wanted)[:1].tolist():
         _refuse(
             path,
             SENTENCE_ROWS * k + place + 1,
