@@ -92,7 +92,8 @@ def tiny():
     """Sizes of a PTAE that trains in no time."""
     from ptae_lite.models import PTAEConfig
 
-    return PTAEConfig(features=FEATURES, hidden=16, heads=2, feed_forward=32, decoder_units=12)
+    sizes = {"hidden": 16, "heads": 2, "feed_forward": 32, "decoder_units": 12}
+    return PTAEConfig(features=FEATURES, dropout=0.0, **sizes)
 
 
 @pytest.fixture(scope="session")

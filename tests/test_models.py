@@ -167,7 +167,7 @@ def test_it_learns_to_describe_eight_samples(samples, source):
     indices = torch.arange(8) * 108
     number = torch.full((8,), SIGNALS.index("describe"))
     batch = build(source, indices, number, torch.zeros(8, dtype=torch.long))
-    sizes = {"features": 6, "hidden": 32, "feed_forward": 64, "decoder_units": 32}
+    sizes = {"features": 6, "hidden": 32, "feed_forward": 64, "decoder_units": 32, "dropout": 0.0}
     model = PTAE(PTAEConfig(**sizes))
     optimiser = torch.optim.Adam(model.parameters(), lr=0.01)
     for _ in range(60):
@@ -221,3 +221,13 @@ def test_features_of_another_eye_are_refused(trained, few):
 def test_sizes_that_make_no_sense_are_refused(wrong, message):
     with pytest.raises(ConfigError, match=message):
         PTAEConfig(**wrong)
+
+
+def test_a_model_whose_weights_do_not_fit_its_sizes_is_refused(tmp_path, trained):
+    path = tmp_path / "model.safetensors"
+    checkpoint.save(path, trained)
+    tensors, about = artefacts.load_weights(path)
+    for wrong in ({"hidden": 64}, {"unheard_of": 1}):
+        artefacts.save_weights(path, tensors, about | {"config": about["config"] | wrong})
+        with pytest.raises(ArtefactError, match="do not fit the sizes written in it"):
+            checkpoint.load(path)

@@ -121,3 +121,16 @@ def test_a_png_is_small_and_the_same_bytes_each_time(cubes):
     made = pictures.png(figure)
     assert made == pictures.png(figure) and len(made) < 100_000
     assert Image.open(io.BytesIO(made)).format == "PNG"
+
+
+def test_a_photo_is_a_jpeg_of_the_figure():
+    shown = pictures.photo(pictures.grid({"a": [image(90)]}))
+    assert Image.open(io.BytesIO(shown.data)).format == "JPEG"
+
+
+def test_components_are_stacked():
+    parts = {"colour": np.array([1.0, 2.0]), "rest": np.array([60.0, 37.0])}
+    bars, plot = drawn(pictures.components(parts, {"left": ([1, 2], [30, 99])}, "%")).axes
+    tops = [patch.get_y() + patch.get_height() for patch in bars.patches]
+    assert tops == [1, 2, 61, 39]
+    assert plot.lines[0].get_ydata().tolist() == [30, 99]

@@ -154,3 +154,12 @@ def test_an_unknown_eye_is_refused_with_those_there_are():
 def test_a_recipe_without_steps_or_images_is_refused(wrong):
     with pytest.raises(ConfigError, match="at least one step"):
         vision.EyeRecipe(**wrong)
+
+
+def test_an_eye_whose_weights_do_not_fit_its_sizes_is_refused(tmp_path):
+    path = tmp_path / "eye.safetensors"
+    vision.save_eye(path, vision.make_eye("plain"), vision.EyeRecipe())
+    tensors, about = artefacts.load_weights(path)
+    artefacts.save_weights(path, tensors, about | {"code": 12})
+    with pytest.raises(ArtefactError, match="do not fit the sizes written in it"):
+        vision.load_eye(path)

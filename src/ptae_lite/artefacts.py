@@ -10,6 +10,7 @@ import hashlib
 import json
 import platform
 import subprocess
+from contextlib import contextmanager
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -141,3 +142,16 @@ def load_weights(path) -> tuple[dict, dict]:
     except (SafetensorError, KeyError, ValueError, OSError) as error:
         raise ArtefactError(f"{path} holds no weights of ours ({error}); train it again") from None
     return tensors, about
+
+
+@contextmanager
+def fits_itself(path):
+    """While a model is made of a file: an `ArtefactError` where its weights are not its sizes."""
+    try:
+        yield
+    except (KeyError, TypeError, RuntimeError) as error:
+        first = str(error).splitlines()[0]
+        raise ArtefactError(
+            f"{path}: its weights do not fit the sizes written in it ({first}); "
+            "train the model again: python -m ptae_lite train --help"
+        ) from None

@@ -67,8 +67,8 @@ class Scaling:
 
     Joints: each by its own range over the training samples, to +-0.9. Features: minus their mean,
     then a matrix that whitens them (principal components, each brought to the same spread).
-    Colour is a small signal on a large arm motion; without whitening it takes four times as long
-    to learn. Ours; the published code scales all features by one range.
+    What names a colour is spread over components of small variance; whitened, they are learnt as
+    soon as the large ones (chapter 02). Ours; the published code scales all features by one range.
     """
 
     joint_low: Float[np.ndarray, " 5"]

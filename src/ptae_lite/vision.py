@@ -177,6 +177,7 @@ def load_eye(path) -> nn.Module:
     tensors, about = artefacts.load_weights(path)
     if about.get("kind") not in EYES:
         raise ArtefactError(f"{path} holds no CAE but {about.get('kind')!r}")
-    eye = make_eye(about["kind"], about["code"])
-    eye.load_state_dict(tensors)
+    with artefacts.fits_itself(path):
+        eye = make_eye(about["kind"], about["code"])
+        eye.load_state_dict(tensors)
     return eye.eval()

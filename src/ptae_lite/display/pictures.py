@@ -45,11 +45,6 @@ def photo(figure: Figure) -> DisplayedImage:
     return DisplayedImage(small.getvalue(), format="jpeg")
 
 
-def _done(figure: Figure) -> Figure:
-    plt.close(figure)
-    return figure
-
-
 def grid(
     rows: Mapping[str, Sequence[np.ndarray]],
     headings: Sequence[str] | None = None,
@@ -81,24 +76,24 @@ def grid(
     axes.tick_params(length=0, labeltop=True, labelbottom=False)
     axes.spines[:].set_visible(False)
     axes.grid(False)
-    return _done(figure)
+    return style.closed(figure)
 
 
 def marked(
     images: Sequence[np.ndarray], points: Mapping[str, np.ndarray], titles: Sequence[str]
 ) -> Figure:
-    """Images side by side; for each name in `points` a mark an image, at (column, row)."""
+    """Images side by side, marked at (column, row): one mark an image for each of three names."""
     figure, row = plt.subplots(1, len(images), figsize=(7, 1.8), sharey=True)
     for i, (axes, image, title) in enumerate(zip(row, images, titles, strict=True)):
         axes.imshow(image)
-        for (name, places), mark in zip(points.items(), "x+1", strict=True):
+        for (name, places), mark in zip(points.items(), "x+1", strict=False):
             axes.plot(*places[i], mark, color="black", ms=9, mew=3)
             axes.plot(*places[i], mark, color="white", ms=8, mew=1.3, label=name)
         axes.set(title=title, xlim=(0, 159), ylim=(119, 0), xticks=[], yticks=[])
         axes.spines[:].set_visible(False)
     legend = {"loc": "outside lower center", "ncols": 3, "frameon": True, "labelcolor": "white"}
     figure.legend(*row[0].get_legend_handles_labels(), facecolor=style.GREY, **legend)
-    return _done(figure)
+    return style.closed(figure)
 
 
 def arm_drawing(
@@ -136,7 +131,7 @@ def arm_drawing(
     axes.set_box_aspect((0.65, 0.65, 0.51), zoom=1.45)
     axes.view_init(**VIEW)
     axes.set_axis_off()
-    return _done(figure)
+    return style.closed(figure)
 
 
 def _lit(shape: arm.Shape, links):
@@ -179,7 +174,7 @@ def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None,
         axes.plot(x, y, "o", color="black", ms=4, label=name)
     axes.set(xlabel=x_label, ylabel=y_label, **axis)
     figure.legend(loc="outside right center")
-    return _done(figure)
+    return style.closed(figure)
 
 
 def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
@@ -192,7 +187,7 @@ def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
         axes.set(title=arm.JOINT_NAMES[j], xlabel="s")
     row[0].set_ylabel("degrees")
     figure.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
-    return _done(figure)
+    return style.closed(figure)
 
 
 def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
@@ -206,7 +201,7 @@ def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
     axes.invert_yaxis()
     axes.set(xlabel="cube travel in mm")
     figure.legend(loc="outside right center", markerscale=4)
-    return _done(figure)
+    return style.closed(figure)
 
 
 def components(
@@ -224,4 +219,4 @@ def components(
     plot.set(xlabel="components kept, from the largest", ylabel=y_label, ylim=(0, 105))
     for axes in (bars, plot):
         axes.legend()
-    return _done(figure)
+    return style.closed(figure)

@@ -60,11 +60,12 @@ def load(path) -> Trained:
             f"models are {', '.join(MODELS)}"
         )
     make, make_config = MODELS[about["kind"]]
-    model = make(make_config(**about["config"]))
     parts = {"model": {}, "scaling": {}}
-    for name, tensor in tensors.items():
-        part, _, rest = name.partition(".")
-        parts[part][rest] = tensor
-    model.load_state_dict(parts["model"])
-    scaling = Scaling(**{name: tensor.numpy() for name, tensor in parts["scaling"].items()})
+    with artefacts.fits_itself(path):
+        for name, tensor in tensors.items():
+            part, _, rest = name.partition(".")
+            parts[part][rest] = tensor
+        model = make(make_config(**about["config"]))
+        model.load_state_dict(parts["model"])
+        scaling = Scaling(**{name: tensor.numpy() for name, tensor in parts["scaling"].items()})
     return Trained(model.eval(), scaling, about)

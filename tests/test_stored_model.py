@@ -1,0 +1,43 @@
+"""The trained model in `data/`: what it is, and that it still reaches its level."""
+
+from dataclasses import asdict
+
+import pytest
+
+from ptae_lite import artefacts, dataset, evaluation, training
+from ptae_lite.models import checkpoint
+
+
+@pytest.fixture(scope="module")
+def stored():
+    return checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
+
+
+@pytest.fixture(scope="module")
+def scores(stored):
+    return evaluation.evaluate(stored, dataset.load("recording"))
+
+
+def test_it_was_trained_by_the_default_recipe_on_all_training_samples(stored):
+    about, recipe = stored.about, asdict(training.Recipe())
+    assert {**recipe, "exponent": about["recipe"]["exponent"]} == about["recipe"]
+    assert (about["split"], about["labelled"]) == ("train", 648)
+    assert len(about["history"]) == recipe["epochs"]
+
+
+def test_it_sees_through_the_stored_eye(stored):
+    assert stored.about["eye"] == artefacts.entry_of("weights/cae.safetensors")["sha256"]
+
+
+def test_it_describes_the_test_samples(scores):
+    assert scores["describe_accuracy"] >= 95
+    assert scores["repeat_language_accuracy"] >= 99
+
+
+def test_it_follows_the_film_of_the_test_samples(scores):
+    """Better than the mean motion of the same action on the same side, which has 2.8 %."""
+    samples = dataset.load("recording")
+    fitted = dataset.fit_scaling(samples, samples.split("train"))
+    known, _ = evaluation.references(samples, fitted)["mean of action word and side"]
+    assert scores["execute_nrmse"] < known
+    assert scores["repeat_action_nrmse"] < known
