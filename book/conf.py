@@ -48,7 +48,11 @@ mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load part
 # --- the site
 html_theme = "sphinx_book_theme"
 html_title = "PTAE-lite"
-html_theme_options = {"home_page_in_toc": True, "show_toc_level": 2}
+html_theme_options = {
+    "home_page_in_toc": True,
+    "show_toc_level": 2,
+    "navbar_persistent": [],  # its search field stands in the sidebar already
+}
 html_context = {"default_mode": "auto"}  # light or dark as the reader's system is
 html_show_sphinx = False
 

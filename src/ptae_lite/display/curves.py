@@ -110,7 +110,8 @@ def _draw_shares(axes, table, paper, chance, mark: float | None = None) -> None:
     axes[0].axhline(chance, color=style.GREY, linestyle=":", label="chance")
     axes[0].set(ylabel="describe accuracy, %", ylim=(-3, 105))
     axes[1].set(ylabel="execute NRMSE, %", ylim=(0, None))
-    axes[0].legend(fontsize=8, loc="lower right")
+    legend = axes[0].get_legend_handles_labels()
+    axes[0].figure.legend(*legend, loc="outside upper center", ncols=3)
 
 
 def by_conflicts(table: pd.DataFrame, paper: dict) -> Figure:
