@@ -1,6 +1,7 @@
 """The study of limited supervision: no label leaks, and a stopped study goes on."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -233,3 +234,12 @@ def test_the_command_runs_the_study(few, monkeypatch, capsys, tmp_path):
     assert asked == {"folder": out, "shares": [2, 66.6], "seeds": [0, 1]}
     made = json.loads(capsys.readouterr().out)
     assert made["rows"] == 2 and made["table"].endswith("supervision.csv")
+
+
+def test_tables_of_two_data_sets_are_not_mixed(few, trainings, tmp_path):
+    supervision.study(few, tmp_path, (50,), (0,), QUICK)
+    theirs = replace(few, eye="authors")
+    assert supervision.data_name(theirs) == "authors"
+    with pytest.raises(ConfigError, match="is of another data set; choose another folder"):
+        supervision.study(theirs, tmp_path, (10,), (0,), QUICK)
+    assert len(trainings) == 1

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ptae_lite.dataset import Samples
+from ptae_lite.dataset import AUTHORS, Samples
+from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, evaluate, respond, sentences, word_accuracy
 from ptae_lite.language import patterns, sentence
 from ptae_lite.models.checkpoint import Trained
@@ -34,12 +35,17 @@ def run_one(samples: Samples, share: float, seed: int, recipe: Recipe, split: st
     everything = len(labelled) == len(samples.split(split))  # then the training is the regular one
     supervised = recipe.supervised if everything else 0.5
     row = {
-        "model": "ptae", "data": "recording", "mode": "samples", "variant": "balanced",
+        "model": "ptae", "data": data_name(samples), "mode": "samples", "variant": "balanced",
         "share": share, "seed": seed, "labelled": len(labelled), "steps": steps,
         "supervised_presentations": round(steps * recipe.batch * supervised),
         "seconds": round(time.perf_counter() - begun),
     }  # fmt: skip
     return row, trained
+
+
+def data_name(samples: Samples) -> str:
+    """`recording`, our own or one made again, or `authors`: their published data."""
+    return AUTHORS if samples.eye == AUTHORS else "recording"
 
 
 def scores(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:
@@ -69,7 +75,9 @@ def study(samples: Samples, folder, shares=SHARES, seeds=(0,), recipe: Recipe | 
     for share in shares:
         label(samples.split("train"), share, 0)  # refuse a wrong one before the first training
     table, said = Path(folder) / "supervision.csv", Path(folder) / "supervision_sentences.csv"
-    rows = pd.read_csv(table) if table.exists() else pd.DataFrame({"share": [], "seed": []})
+    rows = pd.read_csv(table) if table.exists() else pd.DataFrame(columns=["data", "share", "seed"])
+    if set(rows["data"]) - {data_name(samples)}:
+        raise ConfigError(f"{table} is of another data set; choose another folder with --out")
     done = set(zip(rows["share"], rows["seed"], strict=True))
     jobs = [(share, seed) for seed in seeds for share in shares if (share, seed) not in done]
     for share, seed in progress(jobs):
