@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ptae_lite import artefacts, dataset, frames
+from ptae_lite import artefacts, dataset, frames, readout
 from ptae_lite.errors import RecordingError
 from ptae_lite.language import pattern, patterns
 from ptae_lite.robot import arm, inverse, motions, scene
@@ -170,3 +170,14 @@ def test_the_stored_recording_loads_with_its_features():
     for array in (samples.joints, samples.features, samples.cubes):
         assert np.isfinite(array).all() and not array[~inside].any()
     assert samples.features[inside].std(0).min() > 0
+
+
+def test_a_linear_read_out_of_first_frames_knows_colours_and_places():
+    samples = dataset.load("recording")
+    first, test = readout.first(samples.features), samples.split("test")
+    hits = []
+    for labels in readout.colours(samples).values():
+        read = readout.fit_labels(first[samples.split("train")], labels[samples.split("train")])
+        hits.append(read.labels(first[test]) == labels[test])
+    assert np.mean(hits[0] & hits[1]) >= 0.99
+    assert readout.place_errors_mm(samples, first, samples.cubes[:, 0])["distance"] <= 4
