@@ -83,10 +83,12 @@ def share_card(table, said: pd.DataFrame, paper: dict, chance: float, share: flo
     _draw_shares(axes, table, paper, chance, mark=share)
     text = figure.add_subplot(grid[1, :])
     text.axis("off")
-    for line, row in enumerate(said.itertuples()):
+    for x, heading in ((0, "the clip shows"), (0.36, "the model says")):
+        text.text(x, 0.95, heading, fontsize=8, color=style.GREY, transform=text.transAxes)
+    for line, row in enumerate(said.itertuples(), start=1):
         look = {"family": "monospace", "fontsize": 8, "transform": text.transAxes}
         colour, verdict = (style.BLUE, "right") if row.right else (style.RED, "WRONG")
-        y = 0.95 - line / (len(said) + 0.5)
+        y = 0.95 - line / (len(said) + 1.5)
         text.text(0, y, f"{row.truth}", **look)
         text.text(0.36, y, f"{verdict}   {row.said}", color=colour, **look)
     return style.closed(figure)
