@@ -97,6 +97,20 @@ def tiny():
 
 
 @pytest.fixture(scope="session")
+def small_configs(tiny):
+    """Sizes for each model that train in no time."""
+    from ptae_lite.models import PGAEConfig, PRAEConfig, PVAEConfig
+
+    sizes = {"features": FEATURES, "code": 8, "units": 10}
+    return {
+        "ptae": tiny,
+        "pgae": PGAEConfig(**sizes),
+        "pvae": PVAEConfig(**sizes),
+        "prae": PRAEConfig(**sizes),
+    }
+
+
+@pytest.fixture(scope="session")
 def trained(few, tiny):
     """A tiny PTAE after one epoch: it knows nothing, but can be asked everything."""
     from ptae_lite.training import Recipe, train

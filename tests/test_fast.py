@@ -6,8 +6,8 @@ import pytest
 import torch
 
 from ptae_lite.models import PTAE, PTAEConfig, fast
+from ptae_lite.models.common import losses
 from ptae_lite.signals import PTAE_SIGNALS, build, signal_number
-from ptae_lite.training import losses
 
 
 @pytest.fixture

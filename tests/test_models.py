@@ -12,11 +12,10 @@ from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.evaluation import correct, respond
 from ptae_lite.language import SIGNALS
 from ptae_lite.models import PTAE, PTAEConfig, checkpoint
+from ptae_lite.models.common import Answer, losses
 from ptae_lite.models.crossmodal import Attention, positions
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
-from ptae_lite.models.ptae import Answer
 from ptae_lite.signals import Source, build
-from ptae_lite.training import losses
 
 
 def parameters(module):

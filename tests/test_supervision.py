@@ -12,6 +12,7 @@ from ptae_lite import dataset, training
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate
 from ptae_lite.language import alternatives, parse, patterns
+from ptae_lite.models import PTAE
 from ptae_lite.signals import SUPERVISED, signal_number
 from ptae_lite.studies import supervision
 from ptae_lite.training import Recipe
@@ -29,7 +30,7 @@ def small(monkeypatch, tiny):
         built.append((samples.numpy(), signals.numpy()))
         return real(source, samples, signals, alternative)
 
-    monkeypatch.setattr(training, "PTAEConfig", lambda features: tiny)
+    monkeypatch.setitem(training.MODELS, "ptae", (PTAE, lambda features: tiny))
     monkeypatch.setattr(training, "build", build)
     return built
 

@@ -11,7 +11,7 @@ from ptae_lite import training
 from ptae_lite.dataset import fit_scaling
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import patterns
-from ptae_lite.models.ptae import Answer
+from ptae_lite.models.common import Answer, losses
 from ptae_lite.signals import SUPERVISED, UNSUPERVISED, Batch, build, signal_number
 from ptae_lite.training import Recipe
 
@@ -33,7 +33,7 @@ def test_losses_by_hand(source):
     signals = torch.tensor([signal_number("describe"), signal_number("execute")])
     batch = build(source, torch.tensor([slow, fast]), signals, torch.tensor([0, 3]))
     chances = [[0.5, 0.25, 0.5, 0.25], [0.1, 0.9, 0.9, 0.9]]
-    language, action = training.losses(answer_of(batch, chances, 0.2), batch)
+    language, action = losses(answer_of(batch, chances, 0.2), batch)
     first = -(log(0.5) + log(0.25) + log(0.5) + log(0.25)) / 4
     assert language.item() == pytest.approx((first - log(0.1)) / 2, rel=1e-5)
     assert action.item() == pytest.approx(0.2**2 * (99 + 49) / (2 * 99), rel=1e-5)
@@ -41,7 +41,7 @@ def test_losses_by_hand(source):
 
 def test_a_perfect_answer_costs_nothing(source):
     batch = build(source, torch.arange(10), torch.arange(10) % 5, torch.arange(10) % 8)
-    language, action = training.losses(answer_of(batch, [[1.0] * 4] * 10, 0.0), batch)
+    language, action = losses(answer_of(batch, [[1.0] * 4] * 10, 0.0), batch)
     assert language.item() == action.item() == 0
 
 

@@ -9,6 +9,7 @@ import argparse
 import json
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -17,6 +18,7 @@ from tqdm import tqdm
 from ptae_lite.errors import PTAEError
 
 RECORDING = "build/recording"
+TRAINED = ("ptae", "pgae", "pvae", "prae", "cae", "plain-cae")
 DATA_HELP = "'recording' for the stored features, a recording's folder, or the authors' data folder"
 HOLDOUT_HELP = "patterns kept aside from an authors' folder without its test part"
 
@@ -71,16 +73,16 @@ def do_train(options) -> dict:
     from ptae_lite.models import checkpoint
 
     samples = dataset.load(options.data, options.holdout)
-    recipe = training.Recipe(seed=options.seed)
+    recipe = replace(training.RECIPES[options.model], seed=options.seed)
     if options.epochs is not None:
-        recipe = training.Recipe(seed=options.seed, epochs=options.epochs)
+        recipe = replace(recipe, epochs=options.epochs)
     split = "fit" if options.held_out else "train"
     labelled = None
     if options.labelled is not None:
         labelled = training.label(samples.split(split), options.labelled, options.seed)
     trained = training.train(
-        samples, recipe, split=split, labelled=labelled,
-        progress=lambda epochs: bar(epochs, desc="PTAE", unit=" epochs"),
+        samples, recipe, model=options.model, split=split, labelled=labelled,
+        progress=lambda epochs: bar(epochs, desc=options.model.upper(), unit=" epochs"),
     )  # fmt: skip
     checkpoint.save(options.out, trained)
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
@@ -172,12 +174,12 @@ def parser() -> argparse.ArgumentParser:
     features.add_argument("--threads", type=int, default=2, help="threads for the CAE")
 
     train = command("train", do_train, "Train a model and write its weights.")
-    train.add_argument("model", choices=("ptae", "cae", "plain-cae"), help="what to train")
+    train.add_argument("model", choices=TRAINED, help="what to train")
     train.add_argument("--data", default="recording",
                        help=DATA_HELP)  # fmt: skip
     train.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
     train.add_argument("--seed", type=int, default=0, help="seed of weights and batches")
-    train.add_argument("--epochs", type=int, help="epochs of PTAE (default: the recipe's)")
+    train.add_argument("--epochs", type=int, help="epochs, but of a CAE (default: the recipe's)")
     train.add_argument("--labelled", type=float, metavar="PERCENT",
                        help="share of the training samples that have a label")  # fmt: skip
     train.add_argument("--held-out", action="store_true",

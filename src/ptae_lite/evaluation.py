@@ -22,7 +22,7 @@ from ptae_lite.language import (
     says,
 )  # fmt: skip
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.models.ptae import Answer
+from ptae_lite.models.common import Answer
 from ptae_lite.signals import STEPS, WIRING, Batch, Source, build, signal_number
 
 CHANCE = 100 / len(MEANINGS)

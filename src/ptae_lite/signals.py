@@ -48,6 +48,18 @@ UNSUPERVISED = ("repeat action", "repeat language")
 
 
 @dataclass(frozen=True)
+class Mix:
+    """The signals that a model is trained on; each group shares its part equally.
+
+    `regular`: drawn with probability 1 - supervised, and with probability supervised.
+    `limited`: for samples without a label, and with one; None where that is not built.
+    """
+
+    regular: tuple[tuple[str, ...], tuple[str, ...]]
+    limited: tuple[tuple[str, ...], tuple[str, ...]] | None
+
+
+@dataclass(frozen=True)
 class Batch:
     """Everything a model is given and must answer, for B samples with a signal each."""
 

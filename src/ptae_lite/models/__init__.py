@@ -1,5 +1,7 @@
-"""The networks: the crossmodal encoder, the decoders, and PTAE made of them."""
+"""The networks: encoders and decoders, and the family made of them."""
 
+from ptae_lite.models.pgae import PGAE, PGAEConfig
 from ptae_lite.models.ptae import PTAE, PTAEConfig
+from ptae_lite.models.pvae import PVAE, PRAEConfig, PVAEConfig
 
-__all__ = ["PTAE", "PTAEConfig"]
+__all__ = ["PGAE", "PTAE", "PVAE", "PGAEConfig", "PRAEConfig", "PTAEConfig", "PVAEConfig"]

@@ -10,9 +10,16 @@ from torch import nn
 from ptae_lite import artefacts
 from ptae_lite.dataset import Dataset, Samples, Scaling, prepare
 from ptae_lite.errors import ArtefactError, ConfigError
+from ptae_lite.models.pgae import PGAE, PGAEConfig
 from ptae_lite.models.ptae import PTAE, PTAEConfig
+from ptae_lite.models.pvae import PVAE, PRAEConfig, PVAEConfig
 
-MODELS = {"ptae": (PTAE, PTAEConfig)}
+MODELS = {
+    "ptae": (PTAE, PTAEConfig),
+    "pgae": (PGAE, PGAEConfig),
+    "pvae": (PVAE, PVAEConfig),
+    "prae": (PVAE, PRAEConfig),
+}
 
 
 @dataclass(frozen=True)

@@ -10,23 +10,20 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from ptae_lite.language import EOS, VOCABULARY
+from ptae_lite.models.recurrent import make_cell
 
 
 class RecurrentDecoder(nn.Module):
-    """Two LSTM layers whose first state is a linear function of the code (B, H)."""
+    """LSTM layers whose first state is a linear function of the code (B, H)."""
 
     def __init__(self, inputs: int, outputs: int, hidden: int, units: int, layers: int,
-                 forget_bias: float):  # fmt: skip
+                 forget_bias: float, peepholes: bool):  # fmt: skip
         super().__init__()
         self.units = units
         self.start = nn.Linear(hidden, layers * 2 * units)
         sizes = [inputs] + [units] * (layers - 1)
-        self.cells = nn.ModuleList(nn.LSTMCell(size, units) for size in sizes)
+        self.cells = nn.ModuleList(make_cell(size, units, forget_bias, peepholes) for size in sizes)
         self.output = nn.Linear(units, outputs)
-        with torch.no_grad():
-            for cell in self.cells:  # gates lie in the order input, forget, cell, output
-                cell.bias_ih[units : 2 * units] = forget_bias
-                cell.bias_hh[units : 2 * units] = 0
 
     def first_state(self, code: Float[Tensor, "B H"]) -> list[tuple[Tensor, Tensor]]:
         """(hidden, cell) of each layer, (B, units) each."""
@@ -45,9 +42,10 @@ class RecurrentDecoder(nn.Module):
 class LanguageDecoder(RecurrentDecoder):
     """Code to words; the whole softmax vector is fed back, not the chosen word."""
 
-    def __init__(self, hidden: int, units: int, layers: int, forget_bias: float):
+    def __init__(self, hidden: int, units: int, layers: int, forget_bias: float,
+                 peepholes: bool = False):  # fmt: skip
         words = len(VOCABULARY)
-        super().__init__(words, words, hidden, units, layers, forget_bias)
+        super().__init__(words, words, hidden, units, layers, forget_bias, peepholes)
 
     def forward(self, code: Float[Tensor, "B H"], steps: int) -> Float[Tensor, "B N V"]:
         """Logarithms of the word probabilities at each step, BOS given."""
@@ -66,8 +64,8 @@ class ActionDecoder(RecurrentDecoder):
     """Code and video to joints: each step sees one frame and its own last pose."""
 
     def __init__(self, features: int, joints: int, hidden: int, units: int, layers: int,
-                 forget_bias: float):  # fmt: skip
-        super().__init__(features + joints, joints, hidden, units, layers, forget_bias)
+                 forget_bias: float, peepholes: bool = False):  # fmt: skip
+        super().__init__(features + joints, joints, hidden, units, layers, forget_bias, peepholes)
 
     def forward(
         self,

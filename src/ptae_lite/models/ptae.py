@@ -11,16 +11,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import NamedTuple
 
-from jaxtyping import Float
 from torch import Tensor, nn
 
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import TOKENS
+from ptae_lite.models.common import Answer, losses
 from ptae_lite.models.crossmodal import CrossmodalTransformer
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
-from ptae_lite.signals import WORDS_OUT, Batch
+from ptae_lite.signals import SUPERVISED, UNSUPERVISED, WORDS_OUT, Batch, Mix
 
 
 @dataclass(frozen=True)
@@ -47,19 +46,11 @@ class PTAEConfig:
             raise ConfigError(f"dropout is {self.dropout}; it must be from 0 to below 1")
 
 
-class Answer(NamedTuple):
-    """What a model says and does."""
-
-    words: Float[Tensor, "B 4 V"]  # logarithms of probabilities
-    joints: Float[Tensor, "B 99 5"]
-    code: Float[Tensor, "B H"]
-    attention: Float[Tensor, "B heads N T"]
-
-
 class PTAE(nn.Module):
     """The model. It is told the task by the first query token alone."""
 
     kind = "ptae"
+    mix = Mix(regular=(UNSUPERVISED, SUPERVISED), limited=(UNSUPERVISED, SUPERVISED))
 
     def __init__(self, config: PTAEConfig = PTAEConfig()):
         super().__init__()
@@ -76,3 +67,9 @@ class PTAE(nn.Module):
         words = self.language(code, WORDS_OUT)
         joints = self.action(code, batch.video, batch.start)
         return Answer(words, joints, code, attention)
+
+    def costs(self, batch: Batch) -> tuple[Tensor, ...]:
+        """Language and action loss, as training minimises them."""
+        from ptae_lite.models import fast  # which imports this module
+
+        return losses(fast.answer(self, batch), batch)

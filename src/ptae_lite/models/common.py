@@ -1,0 +1,48 @@
+"""What all models share: the form of an answer, what a wrong one costs, a check of sizes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from jaxtyping import Float
+from torch import Tensor
+
+from ptae_lite.errors import ConfigError
+from ptae_lite.signals import Batch
+
+
+class Answer(NamedTuple):
+    """What a model says and does. A model without attention has no heads."""
+
+    words: Float[Tensor, "B 4 V"]  # logarithms of probabilities
+    joints: Float[Tensor, "B 99 5"]
+    code: Float[Tensor, "B H"]
+    attention: Float[Tensor, "B heads N T"]
+
+
+def losses(
+    answer: Answer, batch: Batch, word_weights: Float[Tensor, " V"] | None = None
+) -> tuple[Tensor, Tensor]:
+    """Language and action loss with the published code's masks and averages.
+
+    Language: cross-entropy, averaged over each sample's own steps (4, or 1 where only EOS is asked
+    for), then over the batch. Action: squared error averaged over all B x 99 x 5 entries, padded
+    ones (where both are zero) included, so a fast clip counts half.
+
+    Args:
+        word_weights: what each word's cross-entropy is multiplied by where it is the one asked for.
+    """
+    chosen = answer.words.gather(2, batch.words[..., None])[..., 0]
+    if word_weights is not None:
+        chosen = chosen * word_weights[batch.words]
+    steps = batch.word_mask.to(chosen.dtype)
+    language = (-(chosen * steps).sum(1) / steps.sum(1)).mean()
+    error = answer.joints * batch.step_mask[..., None] - batch.joints
+    return language, error.square().mean()
+
+
+def check_sizes(config, *names: str) -> None:
+    """Raise `ConfigError` naming the first of these fields that is below 1."""
+    for name in names:
+        if getattr(config, name) < 1:
+            raise ConfigError(f"{name} is {getattr(config, name)}; it must be 1 or more")

@@ -1,0 +1,177 @@
+"""PVAE, the paired variational autoencoders: two models whose codes are bound to each other.
+
+    words <-- language decoder <-- code <-- LSTM <-- words, last one first
+                                     |
+                                  binding
+                                     |
+    joints <-- action decoder <--- code <-- LSTM <-- video + joints, last frame first
+      video ------/
+
+Each half learns to repeat its own input, and binding brings the two codes of a pair together; so
+whoever encodes with one half may decode with the other. There are no signal words: here the
+signal says which code is decoded. 464,228 parameters at the published sizes.
+
+PRAE is the same without chance: 434,128 parameters. The published 436,128 count an encoder that
+expects the five signal words too, and fails when it is given sentences without them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+from ptae_lite.errors import ConfigError
+from ptae_lite.language import VOCABULARY, signal_index
+from ptae_lite.models.common import Answer, check_sizes, losses
+from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
+from ptae_lite.models.recurrent import RecurrentEncoder, reverse, spread
+from ptae_lite.signals import WORDS_OUT, Batch, Mix
+
+BY_ACTION = ("describe", "repeat action")  # the action's code starts both decoders
+BY_LANGUAGE = ("execute", "repeat language")
+
+
+@dataclass(frozen=True)
+class PVAEConfig:
+    """Sizes of a PVAE. Each is the published code's unless its comment says otherwise."""
+
+    features: int = 30  # 10 for each colour channel
+    joints: int = 5
+    code: int = 50  # of each half
+    units: int = 100
+    language_layers: int = 1
+    action_layers: int = 2
+    forget_bias: float = 0.8  # ours; PGAE's
+    gain: float = 1.5  # ours, of the starting weights (`recurrent.spread`); 0: the published ones
+    noise: float = 0.1  # of a code in training, times its own standard deviation
+    binding: float = 2.0  # weight of the binding loss
+    margin: float = 1.0  # by which unpaired codes should be further apart than paired ones
+    divergence: float = 1.0  # weight of each half's divergence from a standard normal
+    variational: bool = True  # without: PRAE
+
+    def __post_init__(self):
+        sizes = ("features", "joints", "code", "units", "language_layers", "action_layers")
+        check_sizes(self, *sizes)
+        for name in ("gain", "noise", "binding", "margin", "divergence"):
+            if getattr(self, name) < 0:
+                raise ConfigError(f"{name} is {getattr(self, name)}; it must be 0 or more")
+
+
+@dataclass(frozen=True)
+class PRAEConfig(PVAEConfig):
+    """Sizes of a PRAE: a PVAE without chance."""
+
+    variational: bool = False
+
+
+class Code(NamedTuple):
+    """Where one half puts a sample: a mean, and how sure it is (none in PRAE)."""
+
+    mean: Float[Tensor, "B H"]
+    log_variance: Float[Tensor, "B H"] | None
+
+
+class Half(nn.Module):
+    """Encoder of one modality, reading backwards, and the maps to its code."""
+
+    def __init__(self, inputs: int, layers: int, config: PVAEConfig):
+        super().__init__()
+        self.encoder = RecurrentEncoder(inputs, config.units, layers, config.forget_bias)
+        summary = layers * 2 * config.units
+        self.mean = nn.Linear(summary, config.code)
+        self.log_variance = nn.Linear(summary, config.code) if config.variational else None
+
+    def forward(self, rows: Float[Tensor, "B T I"], lengths) -> Code:
+        summary = self.encoder(reverse(rows, lengths), lengths)
+        sure = self.log_variance(summary) if self.log_variance else None
+        return Code(self.mean(summary), sure)
+
+
+def binding(first: Float[Tensor, "B H"], second: Float[Tensor, "B H"], margin: float) -> Tensor:
+    """Pairs close, others further apart by a margin; `first[i]` belongs to `second[i]`.
+
+        mean_i d_ii + mean_ij max(0, d_ii - d_ij + margin) + mean_ij max(0, d_ii - d_ji + margin)
+
+    Distances are Euclidean. As published, i = j adds nothing but counts in the means, and others
+    with the same sentence are pushed away like any.
+    """
+    apart = torch.cdist(first, second, compute_mode="donot_use_mm_for_euclid_dist")
+    paired = apart.diagonal()
+    others = 1 - torch.eye(len(apart), dtype=apart.dtype)
+    hinges = (
+        (functional.relu(paired[:, None] - gap + margin) * others).mean()
+        for gap in (apart, apart.T)
+    )
+    return paired.mean() + sum(hinges)
+
+
+def divergence(code: Code) -> Tensor:
+    """Kullback-Leibler divergence of a code from a standard normal, averaged over all B x H.
+
+    Ours: whether the published code averages or adds up over a code's numbers is not known to us.
+    """
+    mean, log_variance = code
+    return 0.5 * (mean.square() + log_variance.exp() - 1 - log_variance).mean()
+
+
+class PVAE(nn.Module):
+    """The model, or a PRAE where the configuration is not `variational`."""
+
+    mix = Mix(regular=(("repeat both",), ("repeat both",)), limited=None)
+
+    def __init__(self, config: PVAEConfig = PVAEConfig()):
+        super().__init__()
+        self.config = c = config
+        self.kind = "pvae" if c.variational else "prae"
+        self.words_in = Half(len(VOCABULARY), c.language_layers, c)
+        self.clip_in = Half(c.features + c.joints, c.action_layers, c)
+        sizes = (c.units, c.language_layers, c.forget_bias)
+        self.language = LanguageDecoder(c.code, *sizes, peepholes=True)
+        sizes = (c.units, c.action_layers, c.forget_bias)
+        self.action = ActionDecoder(c.features, c.joints, c.code, *sizes, peepholes=True)
+        if c.gain:
+            spread([self.words_in, self.clip_in, self.language], c.gain)
+
+    def encode(self, batch: Batch) -> tuple[Code, Code]:
+        """Codes of the sentence (without the signal) and of the clip."""
+        words = functional.one_hot(batch.tokens[:, 1:], len(VOCABULARY)).to(batch.keys.dtype)
+        said = self.words_in(words, batch.token_mask.sum(1) - 1)
+        return said, self.clip_in(batch.keys, batch.step_mask.sum(1) + 1)
+
+    def decode(self, batch: Batch, to_say, to_do) -> Answer:
+        """What the decoders make of a code (B, H) each; `code` is both, side by side."""
+        joints = self.action(to_do, batch.video, batch.start)
+        no_heads = to_do.new_zeros(len(to_do), 0, batch.tokens.shape[1], batch.keys.shape[1])
+        both = torch.cat([to_say, to_do], dim=1)
+        return Answer(self.language(to_say, WORDS_OUT), joints, both, no_heads)
+
+    def forward(self, batch: Batch) -> Answer:
+        """Answers without chance. With `repeat both` each half decodes its own code."""
+        said, done = (code.mean for code in self.encode(batch))
+        by_action, by_language = (
+            torch.isin(batch.tokens[:, :1], torch.tensor([signal_index(s) for s in signals]))
+            for signals in (BY_ACTION, BY_LANGUAGE)
+        )
+        to_say, to_do = torch.where(by_action, done, said), torch.where(by_language, said, done)
+        return self.decode(batch, to_say, to_do)
+
+    def costs(self, batch: Batch) -> tuple[Tensor, ...]:
+        """Language and action loss of repeating both, and what binds and spreads the codes."""
+        c, codes = self.config, self.encode(batch)
+        answer = self.decode(batch, *(self.draw(code) for code in codes))
+        bound = c.binding * binding(codes[0].mean, codes[1].mean, c.margin)
+        if c.variational:
+            bound = bound + c.divergence * sum(divergence(code) for code in codes)
+        return *losses(answer, batch), bound
+
+    def draw(self, code: Code) -> Float[Tensor, "B H"]:
+        """The mean, moved by chance in a PVAE."""
+        if code.log_variance is None:
+            return code.mean
+        spread = self.config.noise * (code.log_variance / 2).exp()
+        return code.mean + spread * torch.randn_like(code.mean)
