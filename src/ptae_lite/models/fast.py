@@ -15,18 +15,18 @@ import math
 
 import torch
 from jaxtyping import Float
-from torch import Tensor
+from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
+from ptae_lite.models.common import Answer
 from ptae_lite.models.crossmodal import Attention
 from ptae_lite.models.decoders import ActionDecoder
-from ptae_lite.models.ptae import PTAE, Answer
 from ptae_lite.signals import WORDS_OUT, Batch
 
 
-def answer(model: PTAE, batch: Batch) -> Answer:
-    """What `model(batch)` is, up to rounding."""
+def answer(model: nn.Module, batch: Batch) -> Answer:
+    """What `model(batch)` is for a PTAE, up to rounding."""
     code, attention = model.encoder(batch.tokens, batch.token_mask, batch.keys, attend=attend)
     words = model.language(code, WORDS_OUT)
     joints = act(model.action, code, batch.video, batch.start)

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import TOKENS
+from ptae_lite.models import fast
 from ptae_lite.models.common import Answer, losses
 from ptae_lite.models.crossmodal import CrossmodalTransformer
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
@@ -70,6 +71,4 @@ class PTAE(nn.Module):
 
     def costs(self, batch: Batch) -> tuple[Tensor, ...]:
         """Language and action loss, as training minimises them."""
-        from ptae_lite.models import fast  # which imports this module
-
         return losses(fast.answer(self, batch), batch)
