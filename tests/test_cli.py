@@ -56,8 +56,8 @@ def small_training(monkeypatch, small_configs):
     """Trainings are of tiny models, in small batches; keeps what they were asked for."""
     asked, real = [], training.train
 
-    def train(samples, recipe, *, model, **options):
-        asked.append((recipe, options | {"model": model}))
+    def train(samples, recipe, *, model, config, **options):
+        asked.append((recipe, options | {"model": model, "config": config}))
         config = small_configs[model]
         return real(
             samples, training.Recipe(epochs=1, batch=8), model=model, config=config, **options
@@ -192,6 +192,33 @@ def test_an_error_is_one_sentence(refusal, tmp_path, monkeypatch, arguments, mes
     monkeypatch.chdir(tmp_path)
     assert message in refusal(*arguments)
     assert not Path("w").exists()
+
+
+def test_a_choice_of_the_model_is_set_by_name(result, few_stored, small_training, tmp_path):
+    settings = ["--set", "queries=action", "--set", "clock=true", "--set", "hidden=64"]
+    result("train", "ptae", *settings, "--set", "dropout=0", "--out", tmp_path / "w.safetensors")
+    config = small_training[0][1]["config"]
+    assert (config.queries, config.clock, config.hidden, config.dropout) == ("action", True, 64, 0)
+    assert config.features == few_stored.features.shape[2]
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("colour=red", "ptae has no setting 'colour'; it has features, joints, hidden"),
+        ("hidden=wide", "hidden is a whole number, not 'wide'"),
+        ("clock=maybe", "clock is true or false, not 'maybe'"),
+        ("queries=both", "queries is 'both'; it can be language, action"),
+        ("hidden=0", "hidden is 0; it must be 1 or more"),
+        ("language_encoder=bert", "holds no BERT"),
+    ],
+)
+def test_a_wrong_choice_is_refused(refusal, few_stored, tmp_path, setting, message):
+    if "bert" in setting:
+        pytest.importorskip("transformers", reason="the extra `bert` is not installed")
+    path = tmp_path / "w.safetensors"
+    assert message in refusal("train", "ptae", "--set", setting, "--out", path)
+    assert not path.exists()
 
 
 @pytest.mark.parametrize("model", ["pvae", "prae"])

@@ -9,7 +9,17 @@ import torch
 from ptae_lite import evaluation
 from ptae_lite.dataset import Scaling, prepare
 from ptae_lite.errors import LanguageError
-from ptae_lite.language import MEANINGS, encode, pattern, sentence
+from ptae_lite.language import (
+    COLOURS,
+    EOS,
+    MEANINGS,
+    SPEEDS,
+    decode,
+    encode,
+    parse,
+    pattern,
+    sentence,
+)
 from ptae_lite.models.ptae import Answer
 from ptae_lite.signals import Source
 
@@ -193,3 +203,76 @@ def test_an_evaluation_names_its_numbers(trained, few):
     }  # fmt: skip
     assert all(score >= 0 for score in scores.values())
     assert scores["execute_nrmse"] < scores["execute_nrmse_valid"]
+
+
+def test_controls_change_what_they_name_and_nothing_else(samples, make_batch):
+    batch = make_batch([0, 6, 432, 500], "execute", 5)
+    changed = {name: change(batch) for name, change in evaluation.CONTROLS.items()}
+    for name, part in (("sentence blanked", "tokens"), ("sentences shuffled", "tokens"),
+                       ("speed word swapped", "tokens"), ("film frozen", "video")):  # fmt: skip
+        for field, value in vars(batch).items():
+            assert torch.equal(getattr(changed[name], field), value) == (field != part), name
+    assert changed["as trained"] is batch
+    said = [decode(row[2:].tolist()) for row in batch.tokens]
+    blank = changed["sentence blanked"].tokens
+    assert torch.equal(blank[:, 0], batch.tokens[:, 0]) and blank[:, 1:].abs().max() == EOS
+    shuffled = [decode(row[2:].tolist()) for row in changed["sentences shuffled"].tokens]
+    assert shuffled == [said[1], said[0], said[3], said[2]]  # among clips of one length
+    for text, row in zip(said, changed["speed word swapped"].tokens, strict=True):
+        other = decode(row[2:].tolist())
+        assert other.split()[:2] == text.split()[:2]
+        assert {parse(text).speed, parse(other).speed} == {"slowly", "fast"}
+        plain = text.split()[2] in SPEEDS
+        assert (other.split()[2] in SPEEDS) == plain  # in the same register
+    film = changed["film frozen"].video
+    assert torch.equal(film, batch.video[:, :1].expand_as(film))
+
+
+def test_controls_are_scored_on_execute(trained, few):
+    found = evaluation.controls(trained, few)
+    assert list(found) == list(evaluation.CONTROLS)
+    scores = evaluation.evaluate(trained, few)
+    assert found["as trained"] == (scores["execute_nrmse"], scores["execute_nrmse_valid"])
+    assert len(set(found.values())) == len(found)
+
+
+def test_a_scene_is_new_where_neither_speed_of_it_is_for_training(samples):
+    new = evaluation.new_scenes(samples)
+    indices = samples.split("test")
+    assert new.sum() == 72  # twelve patterns
+    found = set(samples.pattern[indices[new]])
+    assert found == {2, 6, 9, 38, 42, 45, 74, 78, 81, 110, 114, 117}
+
+
+@pytest.fixture
+def telling(samples):
+    """Samples in which length, place of the arm and colours are in plain view."""
+    told = [pattern(int(i)) for i in samples.pattern]
+    joints = np.zeros_like(samples.joints)
+    item, last = np.arange(864), samples.frames - 1
+    middle = np.round(last / 2).astype(int)
+    joints[item, middle, 0] = [1 if p.side == "left" else -1 for p in told]
+    for i, p in enumerate(told):
+        joints[i, middle[i], 1 + ["push", "pull", "slide"].index(p.action)] = 1
+    features = np.zeros((864, 100, 12), np.float32)
+    for side, first in (("left", 0), ("right", 6)):
+        features[item, 0, [first + COLOURS.index(getattr(p, side)) for p in told]] = 1
+    return replace(samples, joints=joints, features=features)
+
+
+def test_the_linear_baseline_reads_what_is_in_plain_view(telling):
+    train, test = telling.split("train"), telling.split("test")
+    said = evaluation.linear_describe(telling, train, test)
+    assert said == [pattern(int(i)).meaning for i in telling.pattern[test]]
+    assert evaluation.linear_describe_accuracy(telling, train) == 100
+
+
+def test_the_linear_baseline_is_taught_by_labelled_samples_alone(telling):
+    one = telling.split("train")[:1]
+    said = evaluation.linear_describe(telling, one, telling.split("test"))
+    assert set(said) == {pattern(int(telling.pattern[one[0]])).meaning}
+
+
+def test_the_linear_baseline_cannot_read_what_is_not_there(telling):
+    blind = replace(telling, features=np.zeros_like(telling.features))
+    assert evaluation.linear_describe_accuracy(blind, blind.split("train")) < 40

@@ -5,42 +5,81 @@ from dataclasses import replace
 import pytest
 import torch
 
-from ptae_lite.models import PTAE, PTAEConfig, fast
+from ptae_lite.models.checkpoint import MODELS
 from ptae_lite.models.common import losses
-from ptae_lite.signals import PTAE_SIGNALS, build, signal_number
+from ptae_lite.signals import SIGNALS, build, signal_number
 
 
-@pytest.fixture
-def mixed(source):
-    """Two samples, a slow and a fast one, under each signal."""
-    numbers = torch.tensor([signal_number(s) for s in PTAE_SIGNALS for _ in range(2)])
-    return build(source, torch.tensor([0, 500] * 4), numbers, torch.arange(8))
+@pytest.fixture(params=[99, 5], ids=["all steps", "held poses short"])
+def mixed(request, source):
+    """Three samples, two slow and a fast one, under each signal."""
+    numbers = torch.tensor([signal_number(s) for s in SIGNALS for _ in range(3)])
+    indices = torch.tensor([0, 500, 70] * 5)
+    batch = build(source, indices, numbers, torch.arange(15) % 8, hold=request.param)
+    parts = ("keys", "video", "start", "joints")
+    return replace(batch, **{name: getattr(batch, name).double() for name in parts})
 
 
-def answers_and_gradients(model, answer, batch):
+def make(kind, **sizes):
+    torch.manual_seed(3)
+    model, config = MODELS[kind]
+    return model(config(features=6, **sizes)).double()
+
+
+def costs_and_gradients(model, batch, readable):
+    """What training minimises, by the readable forms or as training does it."""
     model.zero_grad(set_to_none=True)
-    given = answer(batch)
-    language, action = losses(given, batch)
-    (language + action).backward()
-    return given, {name: p.grad for name, p in model.named_parameters()}
+    torch.manual_seed(5)  # PVAE draws
+    costs = readable(batch) if readable else model.costs(batch)
+    sum(costs).backward()
+    return torch.stack(costs), {name: p.grad for name, p in model.named_parameters()}
+
+
+def assert_same(model, batch, readable, unseen=()):
+    expected, slopes = costs_and_gradients(model, batch, readable)
+    found, gradients = costs_and_gradients(model, batch, None)
+    assert torch.allclose(expected, found, rtol=0, atol=1e-10)
+    for name in unseen:
+        assert slopes.pop(name).abs().max() < 1e-12 and gradients.pop(name) is None
+    for name, slope in slopes.items():
+        assert slope.abs().max() > 0, name
+        assert torch.allclose(slope, gradients[name], rtol=1e-8, atol=1e-12), name
 
 
 @pytest.mark.parametrize("layers", [1, 2])
-def test_the_fast_form_equals_the_readable_one(mixed, layers):
-    torch.manual_seed(3)
-    features = mixed.video.shape[2]
+def test_a_fast_ptae_equals_the_readable_one(mixed, layers):
     sizes = {"hidden": 32, "feed_forward": 64, "decoder_units": 24, "decoder_layers": layers}
-    sizes["dropout"] = 0.0  # chance would tell the two apart
-    model = PTAE(PTAEConfig(features=features, **sizes)).double()
-    parts = ("keys", "video", "start", "joints")
-    mixed = replace(mixed, **{name: getattr(mixed, name).double() for name in parts})
-    readable, expected = answers_and_gradients(model, model, mixed)
-    quick, gradients = answers_and_gradients(model, lambda b: fast.answer(model, b), mixed)
-    for a, b in zip(readable, quick, strict=True):
-        assert torch.allclose(a, b, rtol=0, atol=1e-10)
+    model = make("ptae", dropout=0.0, **sizes)  # chance would tell the two apart
     # The key bias adds the same to every frame, so it has no gradient; the fast form leaves it out.
-    unseen = "encoder.attention.key.bias"
-    assert expected.pop(unseen).abs().max() < 1e-12 and gradients.pop(unseen) is None
-    for name, gradient in expected.items():
-        assert gradient.abs().max() > 0, name
-        assert torch.allclose(gradient, gradients[name], rtol=1e-8, atol=1e-12), name
+    unseen = ["encoder.attention.key.bias"]
+    assert_same(model, mixed, lambda batch: losses(model(batch), batch), unseen)
+    quick, answer = model.quick(mixed), model(mixed)
+    assert torch.allclose(quick.code, answer.code, rtol=0, atol=1e-12)
+    counts = mixed.step_mask
+    assert torch.allclose(quick.joints[counts], answer.joints[counts], rtol=0, atol=1e-12)
+    assert quick.joints[~counts].abs().max() == 0
+
+
+def test_a_fast_pgae_equals_the_readable_one(mixed):
+    model = make("pgae", code=8, units=10)
+    assert_same(model, mixed, lambda batch: losses(model(batch), batch, model.word_weights))
+
+
+@pytest.mark.parametrize("kind", ["pvae", "prae"])
+def test_a_fast_pvae_equals_the_readable_one(mixed, kind, monkeypatch):
+    from ptae_lite.models import fast
+    from ptae_lite.models.recurrent import RecurrentEncoder
+
+    model = make(kind, code=8, units=10)
+
+    def readable(batch):
+        with monkeypatch.context() as patch:
+            patch.setattr(fast, "summarise", RecurrentEncoder.__call__)
+            patch.setattr(
+                fast,
+                "act",
+                lambda decoder, code, b: decoder(code, b.video, b.start) * b.step_mask[..., None],
+            )
+            return model.costs(batch)
+
+    assert_same(model, mixed, readable)

@@ -64,36 +64,71 @@ def test_positions_are_interleaved_sines_and_cosines():
 
 
 def test_keys_are_a_set(tiny, mixed):
-    encoder = PTAE(tiny).encoder
+    model = PTAE(tiny)
     order = torch.randperm(100, generator=torch.Generator().manual_seed(0))
-    code, weights = encoder(mixed.tokens, mixed.token_mask, mixed.keys)
-    moved, moved_weights = encoder(mixed.tokens, mixed.token_mask, mixed.keys[:, order])
+    code, weights = model.encode(mixed)
+    moved, moved_weights = model.encode(replace(mixed, keys=mixed.keys[:, order]))
     torch.testing.assert_close(moved, code, atol=1e-5, rtol=0)
     torch.testing.assert_close(moved_weights, weights[..., order], atol=1e-5, rtol=0)
 
 
+def test_with_a_clock_keys_have_an_order_and_padding_is_hidden(tiny, mixed):
+    model = PTAE(replace(tiny, clock=True))
+    code, weights = model.encode(mixed)
+    inside = torch.arange(100) < mixed.frames[:, None]
+    assert weights.masked_select(~inside[:, None, None]).abs().max() == 0
+    other = torch.where(inside[..., None], mixed.keys, mixed.keys + 1)
+    torch.testing.assert_close(model.encode(replace(mixed, keys=other))[0], code)
+    backwards = torch.where(inside[..., None], mixed.keys.flip(1), mixed.keys)
+    slow = mixed.frames == 100
+    moving = slow & (mixed.keys[:, 0] != mixed.keys[:, 99]).any(1)
+    change = (model.encode(replace(mixed, keys=backwards))[0] - code).abs().amax(1)
+    assert moving.sum() == 3 and change[moving].min() > 1e-4
+
+
+def test_when_action_asks_frames_have_an_order_and_words_have_none(tiny, mixed):
+    model = PTAE(replace(tiny, queries="action"))
+    code, weights = model.encode(mixed)
+    assert weights.shape == (10, 2, 100, 6)
+    assert weights.masked_select(~mixed.token_mask[:, None, None]).abs().max() == 0
+    swapped = replace(mixed, tokens=mixed.tokens[:, [0, 1, 4, 3, 2, 5]])
+    whole = mixed.token_mask.all(1)
+    torch.testing.assert_close(model.encode(swapped)[0][whole], code[whole])
+    inside = torch.arange(100) < mixed.frames[:, None]
+    other = torch.where(inside[..., None], mixed.keys, mixed.keys + 1)
+    torch.testing.assert_close(model.encode(replace(mixed, keys=other))[0], code)
+
+
 def test_the_order_of_words_matters(tiny, mixed):
-    encoder, swapped = PTAE(tiny).encoder, mixed.tokens[:, [0, 1, 4, 3, 2, 5]]
-    code, _ = encoder(mixed.tokens, mixed.token_mask, mixed.keys)
-    other, _ = encoder(swapped, mixed.token_mask, mixed.keys)
+    model, swapped = PTAE(tiny), replace(mixed, tokens=mixed.tokens[:, [0, 1, 4, 3, 2, 5]])
     whole = mixed.token_mask.all(1)
     assert whole.sum() == 6
-    assert (code - other)[whole].abs().amax(1).min() > 1e-3
+    difference = model.encode(mixed)[0] - model.encode(swapped)[0]
+    assert difference[whole].abs().amax(1).min() > 1e-3
 
 
 def test_tokens_beyond_a_short_query_have_no_effect(tiny, mixed):
-    encoder = PTAE(tiny).encoder
+    model = PTAE(tiny)
     short = ~mixed.token_mask.all(1)
-    alone, _ = encoder(mixed.tokens[short, :2], mixed.token_mask[short, :2], mixed.keys[short])
-    padded, _ = encoder(mixed.tokens, mixed.token_mask, mixed.keys)
-    torch.testing.assert_close(padded[short], alone)
+    other = replace(mixed, tokens=torch.where(mixed.token_mask, mixed.tokens, 5))
+    torch.testing.assert_close(model.encode(other)[0][short], model.encode(mixed)[0][short])
 
 
 def test_padding_is_attended_to(tiny, mixed):
-    _, weights = PTAE(tiny).encoder(mixed.tokens, mixed.token_mask, mixed.keys)
+    _, weights = PTAE(tiny).encode(mixed)
     fast = weights[5:]
     assert fast[..., 50:].min() > 0
     torch.testing.assert_close(fast.sum(-1), torch.ones_like(fast.sum(-1)))
+
+
+def test_a_first_frame_alone_is_all_that_its_action_decoder_sees(tiny, mixed):
+    model = PTAE(replace(tiny, film="first"))
+    later = replace(mixed, video=torch.cat([mixed.video[:, :1], mixed.video[:, 1:] + 1], dim=1))
+    first = replace(mixed, video=mixed.video + 1)
+    torch.testing.assert_close(model(later).joints, model(mixed).joints)
+    assert (model(first).joints - model(mixed).joints).abs().max() > 1e-3
+    quick = model.quick(mixed).joints[mixed.step_mask]
+    torch.testing.assert_close(quick, model(mixed).joints[mixed.step_mask])
 
 
 def test_gradients_reach_every_parameter(tiny, mixed):
@@ -171,7 +206,7 @@ def test_it_learns_to_describe_eight_samples(samples, source):
     optimiser = torch.optim.Adam(model.parameters(), lr=0.01)
     for _ in range(60):
         optimiser.zero_grad()
-        code, attention = model.encoder(batch.tokens, batch.token_mask, batch.keys)
+        code, attention = model.encode(batch)
         # the action decoder takes most of the time and no part in this loss
         answer = Answer(model.language(code, 4), batch.joints, code, attention)
         losses(answer, batch)[0].backward()

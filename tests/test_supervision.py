@@ -14,7 +14,7 @@ from ptae_lite.evaluation import evaluate
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import PTAE
 from ptae_lite.signals import SUPERVISED, signal_number
-from ptae_lite.studies import supervision
+from ptae_lite.studies import supervision, tables
 from ptae_lite.training import Recipe
 
 QUICK = Recipe(epochs=1, batch=8)
@@ -26,9 +26,9 @@ def small(monkeypatch, tiny):
     """Trainings are of a tiny model; keeps what each of their steps was built from."""
     built, real = [], training.build
 
-    def build(source, samples, signals, alternative):
+    def build(source, samples, signals, alternative, hold):
         built.append((samples.numpy(), signals.numpy()))
-        return real(source, samples, signals, alternative)
+        return real(source, samples, signals, alternative, hold)
 
     monkeypatch.setitem(training.MODELS, "ptae", (PTAE, lambda features: tiny))
     monkeypatch.setattr(training, "build", build)
@@ -147,18 +147,18 @@ def test_a_stopped_study_keeps_what_was_finished_and_says_nothing_twice(
     few, trainings, monkeypatch, tmp_path
 ):
     """Stopped between the two tables of its second training."""
-    real = supervision.append
+    real = tables.add
 
-    def stop(path, rows):
+    def stop(path, rows, key):
         if path.name == "supervision.csv" and rows["share"].tolist() == [50]:
             raise KeyboardInterrupt
-        real(path, rows)
+        real(path, rows, key)
 
-    monkeypatch.setattr(supervision, "append", stop)
+    monkeypatch.setattr(tables, "add", stop)
     with pytest.raises(KeyboardInterrupt):
         supervision.study(few, tmp_path, (10, 50), (0,), QUICK)
     assert pd.read_csv(tmp_path / "supervision.csv")["share"].tolist() == [10]
-    monkeypatch.setattr(supervision, "append", real)
+    monkeypatch.setattr(tables, "add", real)
     supervision.study(few, tmp_path, (10, 50), (0,), QUICK)
     assert [share for share, *_ in trainings] == [10, 50, 50]
     said = pd.read_csv(tmp_path / "supervision_sentences.csv")
@@ -169,7 +169,7 @@ def test_a_stopped_study_keeps_what_was_finished_and_says_nothing_twice(
 def test_a_table_is_written_whole_or_stays_as_it_was(monkeypatch, tmp_path):
     path = tmp_path / "new" / "table.csv"
     row = {"share": [10], "seed": [0], "score": [1.5]}
-    supervision.append(path, pd.DataFrame(row))
+    tables.add(path, pd.DataFrame(row), KEY)
     before = path.read_text()
 
     def break_off(self, file, **options):
@@ -179,7 +179,7 @@ def test_a_table_is_written_whole_or_stays_as_it_was(monkeypatch, tmp_path):
     monkeypatch.setattr(pd.DataFrame, "to_csv", break_off)
     for name in ("table.csv", "other.csv"):
         with pytest.raises(KeyboardInterrupt):
-            supervision.append(path.with_name(name), pd.DataFrame(row | {"share": [50]}))
+            tables.add(path.with_name(name), pd.DataFrame(row | {"share": [50]}), KEY)
     assert path.read_text() == before
     assert not path.with_name("other.csv").exists()
 
@@ -188,14 +188,14 @@ def test_rows_of_the_same_training_are_replaced_and_others_kept_in_order(tmp_pat
     path = tmp_path / "table.csv"
     for share, score in ((50, 1), (66.6, 2), (10, 3), (50.0, 4)):
         rows = {"share": [share] * 2, "seed": [0, 0], "said": ["a", "b"], "score": [score] * 2}
-        supervision.append(path, pd.DataFrame(rows))
+        tables.add(path, pd.DataFrame(rows), KEY)
     found = pd.read_csv(path)
     assert found["share"].tolist() == [10, 10, 50, 50, 66.6, 66.6]
     assert found["score"].tolist() == [3, 3, 4, 4, 2, 2]
     assert found["said"].tolist() == ["a", "b"] * 3
     only = pd.DataFrame({"share": [1], "seed": [0], "score": [1]})
     for _ in range(2):
-        supervision.append(tmp_path / "one.csv", only)
+        tables.add(tmp_path / "one.csv", only, KEY)
     assert len(pd.read_csv(tmp_path / "one.csv")) == 1
 
 
@@ -240,7 +240,7 @@ def test_the_command_runs_the_study(few, monkeypatch, capsys, tmp_path):
 def test_tables_of_two_data_sets_are_not_mixed(few, trainings, tmp_path):
     supervision.study(few, tmp_path, (50,), (0,), QUICK)
     theirs = replace(few, eye="authors")
-    assert supervision.data_name(theirs) == "authors"
+    assert theirs.name == "authors"
     with pytest.raises(ConfigError, match="is of another data set; choose another folder"):
         supervision.study(theirs, tmp_path, (10,), (0,), QUICK)
     assert len(trainings) == 1

@@ -1,5 +1,6 @@
 """The training loop: losses by hand, who draws which signal, labelled samples, seeds."""
 
+from collections import Counter
 from dataclasses import replace
 from math import log
 
@@ -10,7 +11,7 @@ import torch
 from ptae_lite import training
 from ptae_lite.dataset import fit_scaling
 from ptae_lite.errors import ConfigError
-from ptae_lite.language import patterns
+from ptae_lite.language import COLOURS, pattern
 from ptae_lite.models.common import Answer, losses
 from ptae_lite.signals import SUPERVISED, UNSUPERVISED, Batch, build, signal_number
 from ptae_lite.training import Recipe
@@ -216,10 +217,14 @@ def test_a_smaller_exponent_keeps_more_of_the_features_own_spread(samples, expon
     np.testing.assert_allclose(scaled.var(0), 0.25 * wanted / wanted.mean(), rtol=1e-3)
 
 
-def test_held_out_patterns_are_training_patterns_of_every_second_meaning(samples):
+def test_held_out_patterns_ask_what_the_test_patterns_ask(samples):
     held_out, fit = samples.split("held_out"), samples.split("fit")
     assert sorted([*held_out, *fit]) == samples.split("train").tolist()
-    held = {samples.pattern[i] for i in held_out}
-    assert len(held) == len({patterns()[i].meaning for i in held}) == 18
-    kept = {patterns()[samples.pattern[i]].meaning for i in fit}
-    assert len(kept) == 36
+    held = [pattern(i) for i in sorted({samples.pattern[i] for i in held_out})]
+    rest = [pattern(i) for i in sorted({samples.pattern[i] for i in fit})]
+    assert len(held) == len({p.meaning for p in held}) == 16
+    assert {p.target_colour for p in held} == set(COLOURS)
+    for p in held:  # as for a test pattern, its meaning is known on this side, in another scene
+        assert any((q.meaning, q.side) == (p.meaning, p.side) for q in rest)
+    shown = Counter(p.arrangement for p in rest)
+    assert {shown[p.arrangement] for p in held} == {7}  # of 12

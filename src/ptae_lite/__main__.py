@@ -80,14 +80,35 @@ def do_train(options) -> dict:
     labelled = None
     if options.labelled is not None:
         labelled = training.label(samples.split(split), options.labelled, options.seed)
+    config = configured(options.model, samples.features.shape[2], options.set or ())
     trained = training.train(
-        samples, recipe, model=options.model, split=split, labelled=labelled,
+        samples, recipe, model=options.model, config=config, split=split, labelled=labelled,
         progress=lambda epochs: bar(epochs, desc=options.model.upper(), unit=" epochs"),
     )  # fmt: skip
     checkpoint.save(options.out, trained)
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
     made = {"weights": str(options.out), "steps": trained.about["steps"]}
     return made | _rounded(scores) | _caution(samples)
+
+
+def configured(model: str, features: int, settings):
+    """The model's configuration with `settings`, each NAME=VALUE, put into it."""
+    from ptae_lite.models.checkpoint import MODELS
+
+    config = MODELS[model][1](features=features)
+    for setting in settings:
+        name, _, text = setting.partition("=")
+        if name not in vars(config):
+            there = ", ".join(vars(config))
+            raise PTAEError(f"{model} has no setting {name!r}; it has {there}")
+        kind = type(getattr(config, name))
+        try:
+            value = {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
+        except (KeyError, ValueError):
+            wanted = {bool: "true or false", int: "a whole number", float: "a number"}[kind]
+            raise PTAEError(f"{name} is {wanted}, not {text!r}") from None
+        config = replace(config, **{name: value})
+    return config
 
 
 def do_evaluate(options) -> dict:
@@ -102,15 +123,35 @@ def do_evaluate(options) -> dict:
 
 
 def do_study(options) -> dict:
+    torch.set_num_threads(options.threads)
+    return STUDIES[options.name](options)
+
+
+def _supervision(options) -> dict:
     from ptae_lite import dataset
     from ptae_lite.studies import supervision
 
-    torch.set_num_threads(options.threads)
     table = supervision.study(
-        dataset.load(options.data), options.out, options.shares, options.seeds,
+        dataset.load(options.data), options.out, options.shares, options.seeds or (0,),
         progress=lambda jobs: bar(jobs, desc="trainings"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+
+
+def _family(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import family
+
+    samples = dataset.load(options.data, options.holdout)
+    table = family.study(
+        samples, options.out, options.variants or tuple(family.VARIANTS),
+        options.seeds or (0, 1, 2), options.weights, options.workers,
+        progress=lambda results, total: bar(results, total=total, desc="trainings"),
+    )  # fmt: skip
+    return {"table": str(Path(options.out) / "family.csv"), "rows": len(table)} | _caution(samples)
+
+
+STUDIES = {"supervision": _supervision, "family": _family}
 
 
 def _caution(samples) -> dict:
@@ -186,6 +227,8 @@ def parser() -> argparse.ArgumentParser:
                        help="keep 18 training patterns aside and score on them")  # fmt: skip
     train.add_argument("--steps", type=int, help="steps of a CAE (default: the recipe's)")
     train.add_argument("--code", type=int, default=10, help="features of a CAE (a channel)")
+    train.add_argument("--set", action="append", metavar="NAME=VALUE",
+                       help="a size or choice of the model, such as queries=action")  # fmt: skip
     train.add_argument("--threads", type=int, default=1, help="threads inside one training")
     train.add_argument("--out", required=True, help="safetensors file to write")
 
@@ -198,12 +241,16 @@ def parser() -> argparse.ArgumentParser:
     test.add_argument("--threads", type=int, default=1, help="threads")
 
     study = command("study", do_study, "Run an experiment; rows that are there are not run again.")
-    study.add_argument("name", choices=("supervision",), help="which experiment")
+    study.add_argument("name", choices=tuple(STUDIES), help="which experiment")
     study.add_argument("--data", default="recording",
                        help=DATA_HELP)  # fmt: skip
+    study.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
     study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
-                       help="labelled samples in percent")  # fmt: skip
-    study.add_argument("--seeds", type=int, nargs="+", default=[0], help="one training for each")
+                       help="supervision: labelled samples in percent")  # fmt: skip
+    study.add_argument("--variants", nargs="+", metavar="NAME", help="family: which rows")
+    study.add_argument("--seeds", type=int, nargs="+", help="one training for each")
+    study.add_argument("--workers", type=int, default=1, help="family: trainings side by side")
+    study.add_argument("--weights", metavar="FOLDER", help="family: keep the trained models here")
     study.add_argument("--threads", type=int, default=1, help="threads inside one training")
     study.add_argument("--out", default="build/results", help="folder of the tables")
     return main

@@ -44,11 +44,18 @@ class Samples:
     def split(self, name: str) -> Int[np.ndarray, " M"]:
         """Sample numbers of `train` (648), `test` (216), `held_out` or `fit`.
 
-        `held_out` is 18 training patterns (108 samples) on which settings and stopping are
+        `held_out` is 16 training patterns (96 samples) on which settings and stopping are
         chosen; `fit` is the rest of the training samples. With `holdout`, `test` is that many
         training patterns (`splits.holdout_patterns`), which then belong to no other split.
         """
         return np.flatnonzero(np.isin(self.pattern, patterns_of(name, self.holdout)))
+
+    @property
+    def name(self) -> str:
+        """What a table of results calls them; stand-ins for a test part are named as such."""
+        if self.eye != AUTHORS:
+            return "recording"
+        return AUTHORS if self.holdout is None else f"{AUTHORS}, {self.holdout} held out"
 
     @property
     def exponent(self) -> float:

@@ -129,6 +129,11 @@ class Pattern:
     split: str
 
     @property
+    def arrangement(self) -> tuple[str, str]:
+        """The colours on the table, left and right."""
+        return self.left, self.right
+
+    @property
     def target_colour(self) -> str:
         """The colour that the sentence names: that of the cube on the acted side."""
         return self.left if self.side == "left" else self.right

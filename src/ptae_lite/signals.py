@@ -59,19 +59,29 @@ class Mix:
     limited: tuple[tuple[str, ...], tuple[str, ...]] | None
 
 
+PTAE_MIX = Mix((UNSUPERVISED, SUPERVISED), (UNSUPERVISED, SUPERVISED))
+# Published: a third for the three repeat signals, a third each for describe and execute; where
+# few samples are labelled, repeat both is one of the three that need a label.
+MIX_WITH_BOTH = Mix(
+    regular=(("repeat action", "repeat both", "repeat language"), SUPERVISED),
+    limited=(UNSUPERVISED, (*SUPERVISED, "repeat both")),
+)
+
+
 @dataclass(frozen=True)
 class Batch:
     """Everything a model is given and must answer, for B samples with a signal each."""
 
     tokens: Int[Tensor, "B 6"]  # query tokens, padded with EOS
     token_mask: Bool[Tensor, "B 6"]  # which of them are there
+    frames: Int[Tensor, " B"]  # clip lengths
     keys: Float[Tensor, "B 100 K"]  # F + 5 numbers a frame: features, then joints
     video: Float[Tensor, "B 99 F"]  # for the action decoder
     start: Float[Tensor, "B 5"]  # its first pose
     words: Int[Tensor, "B 4"]  # language target
     word_mask: Bool[Tensor, "B 4"]
     joints: Float[Tensor, "B 99 5"]  # action target, zero beyond the clip
-    step_mask: Bool[Tensor, "B 99"]
+    step_mask: Bool[Tensor, "B 99"]  # which steps of it count
 
 
 class Source:
@@ -116,6 +126,7 @@ def build(
     samples: Int[Tensor, " B"],
     signals: Int[Tensor, " B"],
     alternative: Int[Tensor, " B"],
+    hold: int = STEPS,
 ) -> Batch:
     """Wire samples to signals by the table.
 
@@ -123,6 +134,8 @@ def build(
         samples: sample numbers.
         signals: a signal number for each.
         alternative: which of its eight sentences each sample is given or asked for.
+        hold: how many steps count where the target is a pose held still (describe, repeat
+            language). Training may ask for few: there is nothing more to learn in the rest.
     """
     if not len(samples) == len(signals) == len(alternative):
         raise ConfigError("a batch needs as many signals and alternatives as samples")
@@ -159,7 +172,7 @@ def build(
         held = _WHERE["joints", name][signals]
         target = torch.where(held[:, None, None], frame["joints"][:, None], target)
     start = torch.where(where("start", "last")[:, None], last["joints"], start)
-    step_mask = inside[:, 1:]
+    step_mask = inside[:, 1:] & (where("joints", "clip")[:, None] | (torch.arange(STEPS) < hold))
 
     # language target: the sentence without BOS, or EOS at once
     words = sentence[:, 1:].clone()
@@ -169,7 +182,7 @@ def build(
     word_mask[brief, 1:] = False
 
     return Batch(
-        tokens, token_mask, keys, video, start, words, word_mask,
+        tokens, token_mask, frames, keys, video, start, words, word_mask,
         target * step_mask[..., None], step_mask,
     )  # fmt: skip
 

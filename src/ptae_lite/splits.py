@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import MEANINGS, SIDES, patterns
 
@@ -16,12 +18,24 @@ def _by_meaning() -> dict:
 
 
 def _splits() -> dict[str, tuple[int, ...]]:
-    """Pattern indices by split; held out is one training pattern of every second meaning."""
+    """Pattern indices by split.
+
+    Held out is what asks of a model the same as the test does. A test pattern's meaning is known
+    from three others, one of them on the same side; and many lie in arrangements that training
+    shows half as often as others. So: of the arrangements that training shows most, every second
+    pattern whose meaning it has on the same side elsewhere.
+    """
     of = {name: tuple(p.index for p in patterns() if p.split == name) for name in ("train", "test")}
-    every_second = list(_by_meaning().values())[::2]
-    held_out = tuple(group[i % 3] for i, group in enumerate(every_second))
+    train = [pattern for pattern in patterns() if pattern.split == "train"]
+    shown = Counter(p.arrangement for p in train)
+    alike = Counter((p.meaning, p.side) for p in train)
+    held_out = []
+    for arrangement, count in shown.items():
+        if count == max(shown.values()):
+            known = [p for p in train if p.arrangement == arrangement]
+            held_out += [p.index for p in known if alike[p.meaning, p.side] == 2][::2]
     fit = tuple(i for i in of["train"] if i not in held_out)
-    return of | {"held_out": held_out, "fit": fit}
+    return of | {"held_out": tuple(sorted(held_out)), "fit": fit}
 
 
 SPLITS = _splits()

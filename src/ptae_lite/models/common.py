@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ptae_lite.errors import ConfigError
+from ptae_lite.language import VOCABULARY, WORD_INDEX, Meaning, words_of
 from ptae_lite.signals import Batch
 
 
@@ -39,6 +41,20 @@ def losses(
     language = (-(chosen * steps).sum(1) / steps.sum(1)).mean()
     error = answer.joints * batch.step_mask[..., None] - batch.joints
     return language, error.square().mean()
+
+
+def class_weights(weigh: bool) -> Float[Tensor, " V"]:
+    """A weight for each word: the size of its class (EOS 1, speed 4, action 6, colour 12), or 1.
+
+    The weights of all 23 words add up to 23. A word of a large class is harder to guess.
+    """
+    weights = torch.ones(len(VOCABULARY))
+    if not weigh:
+        return weights
+    for kind in Meaning._fields:
+        words = [WORD_INDEX[word] for word in words_of(kind)]
+        weights[words] = float(len(words))
+    return weights * len(weights) / weights.sum()
 
 
 def check_sizes(config, *names: str) -> None:

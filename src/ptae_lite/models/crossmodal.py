@@ -7,6 +7,9 @@ Queries come from language, keys and values from vision and joints together (pap
 One layer, then the mean over the query tokens gives the code `h` that both decoders start from.
 There is no mask on keys and no position on them: keys are an unordered set, and the zero padding
 of short clips is attended to. That padding is how speed gets into `h`.
+
+Two choices change that, each for an experiment: `queries` from action lets the frames ask the
+words, and a `clock` gives frames their position and hides the padding.
 """
 
 from __future__ import annotations
@@ -14,9 +17,11 @@ from __future__ import annotations
 import math
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
+
+from ptae_lite.dataset import MAX_FRAMES
 
 
 def positions(count: int, size: int) -> Float[Tensor, "N H"]:
@@ -44,25 +49,37 @@ class Attention(nn.Module):
     def _split(self, x: Float[Tensor, "B N H"]) -> Float[Tensor, "B heads N d"]:
         return x.unflatten(-1, (self.heads, -1)).transpose(1, 2)
 
-    def forward(self, query: Float[Tensor, "B N H"], keys: Float[Tensor, "B T H"]):
-        """Attended values (B, N, H) and the weights (B, heads, N, T) that made them."""
+    def forward(
+        self,
+        query: Float[Tensor, "B N H"],
+        keys: Float[Tensor, "B T H"],
+        mask: Bool[Tensor, "B T"] | None = None,
+    ):
+        """Attended values (B, N, H) and the weights (B, heads, N, T) that made them.
+
+        `mask` says which keys may be looked at; all if None.
+        """
         q, k, v = self._split(self.query(query)), self._split(self.key(keys)), self.value(keys)
-        weights = torch.softmax(q @ k.transpose(-1, -2) / math.sqrt(q.shape[-1]), dim=-1)
+        scores = q @ k.transpose(-1, -2) / math.sqrt(q.shape[-1])
+        if mask is not None:
+            scores = scores.masked_fill(~mask[:, None, None], -torch.inf)
+        weights = torch.softmax(scores, dim=-1)
         mixed = (weights @ self._split(v)).transpose(1, 2).flatten(-2)
         return self.output(mixed), weights
 
 
 class CrossmodalTransformer(nn.Module):
-    """Query tokens and frames to one code.
+    """Tokens and frames to one code.
 
     Post-norm residuals on the query side as in the original transformer. Both embeddings share one
     LayerNorm, as the published code does (the paper's equations leave it out).
     """
 
-    def __init__(self, tokens: int, inputs: int, hidden: int, heads: int, feed_forward: int,
-                 dropout: float):  # fmt: skip
+    def __init__(self, words: int, inputs: int, hidden: int, heads: int, feed_forward: int,
+                 dropout: float, queries: str = "language", clock: bool = False):  # fmt: skip
         super().__init__()
-        self.embed_token = nn.Linear(tokens, hidden)
+        self.queries, self.clock = queries, clock
+        self.embed_token = nn.Linear(words, hidden)
         self.embed_frame = nn.Linear(inputs, hidden)
         self.embed_norm = nn.LayerNorm(hidden)
         self.attention = Attention(hidden, heads)
@@ -71,27 +88,34 @@ class CrossmodalTransformer(nn.Module):
         self.narrow = nn.Linear(feed_forward, hidden)
         self.output_norm = nn.LayerNorm(hidden)
         self.dropout = nn.Dropout(dropout)
-        self.register_buffer("positions", positions(16, hidden), persistent=False)
+        self.register_buffer("positions", positions(MAX_FRAMES, hidden), persistent=False)
 
-    def _embed(self, linear, x):
-        return self.embed_norm(self.dropout(functional.relu(linear(x))))
+    def embed(self, linear: nn.Linear, rows: Float[Tensor, "B N I"], placed: bool):
+        """Rows of one modality, (B, N, H); `placed`: with the position of each."""
+        x = self.embed_norm(self.dropout(functional.relu(linear(rows))))
+        return x + self.positions[: rows.shape[1]] if placed else x
+
+    def finish(self, x: Float[Tensor, "... H"], attended: Float[Tensor, "... H"]):
+        """The rest of the layer, for each query by itself."""
+        x = self.attention_norm(x + self.dropout(attended))
+        fed = self.narrow(self.dropout(functional.relu(self.widen(x))))
+        return self.output_norm(x + self.dropout(fed))
 
     def forward(
         self,
-        tokens: Int[Tensor, "B N"],
-        token_mask: Bool[Tensor, "B N"],
-        keys: Float[Tensor, "B T K"],
-        attend=Attention.__call__,
+        words: Float[Tensor, "B N W"],
+        word_mask: Bool[Tensor, "B N"],
+        frames: Float[Tensor, "B T K"],
+        frame_mask: Bool[Tensor, "B T"],
     ):
-        """The code h (B, H) and the attention weights (B, heads, N, T).
-
-        `attend(attention, query, keys)` may be another form of the same (see `fast`).
-        """
-        one_hot = functional.one_hot(tokens, self.embed_token.in_features).to(keys.dtype)
-        x = self._embed(self.embed_token, one_hot) + self.positions[: tokens.shape[1]]
-        attended, weights = attend(self.attention, x, self._embed(self.embed_frame, keys))
-        x = self.attention_norm(x + self.dropout(attended))
-        fed = self.narrow(self.dropout(functional.relu(self.widen(x))))
-        x = self.output_norm(x + self.dropout(fed))
-        there = token_mask[..., None].to(x.dtype)
-        return (x * there).sum(1) / there.sum(1), weights
+        """The code h (B, H) and the attention weights (B, heads, N, T); T, N if frames ask."""
+        if self.queries == "language":
+            x, there = self.embed(self.embed_token, words, True), word_mask
+            keys = self.embed(self.embed_frame, frames, self.clock)
+            mask = frame_mask if self.clock else None
+        else:
+            x, there = self.embed(self.embed_frame, frames, True), frame_mask
+            keys, mask = self.embed(self.embed_token, words, False), word_mask
+        attended, weights = self.attention(x, keys, mask)
+        there = there[..., None].to(x.dtype)
+        return (self.finish(x, attended) * there).sum(1) / there.sum(1), weights

@@ -1,158 +1,315 @@
-"""The same PTAE, computed faster: what training uses. `ptae.py` is the form to read.
+"""The same models, computed faster: what training uses. The other modules are the ones to read.
 
-Two things are rearranged, and a test holds both equal to the readable form, values and gradients.
+Nothing here changes what is computed, and a test holds each form equal to the readable one, values
+and gradients. (With dropout, equal frames are dropped alike here, each for itself there.)
 
-- Attention asks few questions of many frames: 2 to 6 tokens of 100 frames. So the key map is
-  applied to the questions, not to the frames (q . W x = W^T q . x), and the value map to the mixed
-  frames. The key bias adds the same to all frames, and softmax does not see it.
-- The action decoder takes 99 steps. Autograd would add up the gradient of each weight matrix 99
-  times; here the steps are kept, and one product at the end does it.
+- Attention asks few questions of many frames. So the key map is applied to the questions, not to
+  the frames (q . W x = W^T q . x), and the value map to the mixed frames. The key bias adds the
+  same to all frames, and softmax does not see it.
+- A first frame that stands still for the whole clip is one key, and so is the padding. A key that
+  is there n times has log n added to its score.
+- Recurrent layers take up to 100 steps. Clips are sorted by length, and a step computes only those
+  that are not over. Autograd would add up the gradient of each weight matrix once a step; here the
+  steps are kept, and one product at the end does it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
-from ptae_lite.models.common import Answer
-from ptae_lite.models.crossmodal import Attention
+from ptae_lite.models.crossmodal import Attention, CrossmodalTransformer
 from ptae_lite.models.decoders import ActionDecoder
-from ptae_lite.signals import WORDS_OUT, Batch
+from ptae_lite.models.recurrent import PeepholeCell, RecurrentEncoder
+from ptae_lite.signals import Batch
 
 
-def answer(model: nn.Module, batch: Batch) -> Answer:
-    """What `model(batch)` is for a PTAE, up to rounding."""
-    code, attention = model.encoder(batch.tokens, batch.token_mask, batch.keys, attend=attend)
-    words = model.language(code, WORDS_OUT)
-    joints = act(model.action, code, batch.video, batch.start)
-    return Answer(words, joints, code, attention)
+def encode(encoder: CrossmodalTransformer, words_in, batch: Batch) -> Float[Tensor, "B H"]:
+    """The code that `encoder` makes of a batch when language asks and there is no clock.
+
+    Samples with as many tokens and as many different keys go through together; what works on
+    tokens one by one takes all of them at once.
+    """
+    still = (batch.keys[:, 1:] == batch.keys[:, :1]).all(2)
+    still |= torch.arange(1, batch.keys.shape[1]) >= batch.frames[:, None]
+    keys = torch.where(still.all(1), 1, batch.frames)
+    kinds = torch.stack([keys, batch.token_mask.sum(1)], dim=1)
+    groups = [(kinds == kind).all(1).nonzero()[:, 0] for kind in kinds.unique(dim=0)]
+    asked, found = [], []
+    for group in groups:
+        tokens = batch.tokens[group, : int(kinds[group[0], 1])]
+        words = words_in(tokens, torch.ones_like(tokens, dtype=torch.bool)).to(batch.keys.dtype)
+        x = encoder.embed(encoder.embed_token, words, True)
+        frames, times = _distinct(batch, group, int(keys[group[0]]))
+        embedded = encoder.embed(encoder.embed_frame, frames, False)
+        found.append(_attend(encoder.attention, x, embedded, times))
+        asked.append(x.flatten(0, 1))
+    rows = encoder.finish(torch.cat(asked), encoder.attention.output(torch.cat(found)))
+    parts = rows.split([len(x) for x in asked])
+    codes = [x.unflatten(0, (len(g), -1)).mean(1) for x, g in zip(parts, groups, strict=True)]
+    return torch.cat(codes)[torch.cat(groups).argsort()]
 
 
-def attend(attention: Attention, query: Float[Tensor, "B N H"], keys: Float[Tensor, "B T H"]):
-    """What `attention(query, keys)` is."""
+def _distinct(batch: Batch, group, count: int):
+    """Keys of a group without their repetitions, and the logarithm of how often each is there."""
+    total, frames = batch.keys.shape[1], batch.frames[group]
+    keys = batch.keys[group, :count]
+    if count == total:
+        return keys, None
+    padding = keys.new_zeros(len(group), 1, keys.shape[2])
+    times = keys.new_ones(len(group), count + 1)
+    times[:, 0], times[:, -1] = frames - count + 1, total - frames
+    return torch.cat([keys, padding], dim=1), times.log()
+
+
+def _attend(attention: Attention, query: Float[Tensor, "B N H"], keys, times):
+    """What `attention` mixes for each token, before its output map, tokens in rows (B x N, H)."""
     heads, width = attention.heads, query.shape[-1]
     by_head = (heads, width // heads, width)
     asked = attention.query(query).unflatten(-1, by_head[:2])  # B N heads d
     asked = torch.einsum("bnhd,hdk->bhnk", asked, attention.key.weight.view(by_head))
     scores = asked.flatten(1, 2) @ keys.transpose(1, 2) / math.sqrt(by_head[1])
-    weights = torch.softmax(scores, dim=-1)  # B heads*N T
-    mixed = (weights @ keys).unflatten(1, (heads, -1))
+    if times is not None:
+        scores = scores + times[:, None]
+    mixed = (torch.softmax(scores, dim=-1) @ keys).unflatten(1, (heads, -1))
     mixed = torch.einsum("bhnk,hdk->bnhd", mixed, attention.value.weight.view(by_head))
-    return attention.output(mixed.flatten(-2) + attention.value.bias), weights.unflatten(
-        1, (heads, -1)
-    )
+    return (mixed.flatten(-2) + attention.value.bias).flatten(0, 1)
 
 
-def act(decoder: ActionDecoder, code, video: Float[Tensor, "B T F"], start: Float[Tensor, "B J"]):
-    """What `decoder(code, video, start)` is."""
-    if len(decoder.cells) != 2:  # only the paper's two layers have a fast form
-        return decoder(code, video, start)
-    (h1, c1), (h2, c2) = decoder.first_state(code)
-    first, second = decoder.cells
-    frames = video.shape[2]
+class Packed(NamedTuple):
+    """Sequences of different lengths as rows, step by step, the longest first."""
+
+    order: Int[Tensor, " B"]  # of the samples, the longest first
+    sample: Int[Tensor, " R"]  # where each row comes from
+    step: Int[Tensor, " R"]
+    spans: list[tuple[int, int]]  # rows of each step: from, to
+
+    @classmethod
+    def of(cls, lengths: Int[Tensor, " B"]) -> Packed:
+        order = lengths.argsort(descending=True, stable=True)
+        going = torch.arange(int(lengths.max()))[:, None] < lengths[order]
+        step, place = going.nonzero(as_tuple=True)
+        ends = going.sum(1).cumsum(0).tolist()
+        return cls(order, order[place], step, list(zip([0, *ends], ends, strict=False)))
+
+
+def act(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B T J"]:
+    """What `decoder(code, batch.video, batch.start)` is where `batch.step_mask` is; else zero."""
+    if len(decoder.cells) != 2:  # only the published two layers have a fast form
+        return decoder(code, batch.video, batch.start) * batch.step_mask[..., None]
+    packed = Packed.of(batch.step_mask.sum(1))
+    features = batch.video.shape[2]
+    states = [part[packed.order] for layer in decoder.first_state(code) for part in layer]
+    (look1, recall1, bias1, peep1), (look2, recall2, bias2, peep2) = map(_parts, decoder.cells)
     # what of the first layer's gates comes from the video: one product for all frames
-    seen = functional.linear(
-        video.transpose(0, 1), first.weight_ih[:, :frames], first.bias_ih + first.bias_hh
-    )
-    w1 = torch.cat([first.weight_hh, first.weight_ih[:, frames:]], dim=1)  # of h1 and the pose
-    w2 = torch.cat([second.weight_ih, second.weight_hh], dim=1)  # of the new h1 and h2
-    output = decoder.output
+    video = batch.video[packed.sample, packed.step]
     poses = _Unroll.apply(
-        seen, start, h1, c1, h2, c2, w1, w2, second.bias_ih + second.bias_hh,
-        output.weight, output.bias,
+        packed.spans, functional.linear(video, look1[:, :features], bias1),
+        batch.start[packed.order], *states,
+        torch.cat([recall1, look1[:, features:]], dim=1),  # of h1 and the pose
+        torch.cat([look2, recall2], dim=1),  # of the new h1 and h2
+        bias2, peep1, peep2, decoder.output.weight, decoder.output.bias,
     )  # fmt: skip
-    return poses.transpose(0, 1)
+    answer = poses.new_zeros(*batch.step_mask.shape, poses.shape[1])
+    return answer.index_put((packed.sample, packed.step), poses)
+
+
+def summarise(encoder: RecurrentEncoder, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]):
+    """What `encoder(rows, lengths)` is."""
+    packed = Packed.of(lengths)
+    hidden = rows[packed.sample, packed.step]
+    ends = torch.empty_like(lengths)
+    over = packed.step == lengths[packed.sample] - 1
+    ends[packed.sample[over]] = over.nonzero()[:, 0]
+    parts = []
+    for cell in encoder.cells:
+        look, recall, bias, peep = _parts(cell)
+        hidden, memory = _Layer.apply(
+            packed.spans, functional.linear(hidden, look, bias), recall, peep
+        )
+        parts += [memory[ends], hidden[ends]]
+    return torch.cat(parts, dim=1)
+
+
+def _parts(cell: nn.Module):
+    """A cell's maps of input and hidden state, bias and peepholes, gates in the order i, f, o, g.
+
+    So the three gates that are sigmoids lie side by side.
+    """
+
+    def order(rows):
+        i, f, g, o = rows.chunk(4)
+        return torch.cat([i, f, o, g])
+
+    if isinstance(cell, PeepholeCell):
+        maps = cell.look.weight, cell.recall.weight, cell.look.bias
+        return *map(order, maps), cell.peepholes
+    return *map(order, (cell.weight_ih, cell.weight_hh, cell.bias_ih + cell.bias_hh)), None
+
+
+class _Tape:
+    """One layer's steps, kept for the way back; R rows, U units. Views are cut once, not a step."""
+
+    def __init__(self, spans, gates: Float[Tensor, "R G"], peep):
+        self.gates, self.peep = gates, peep
+        self.units = u = gates.shape[1] // 4
+        self.before, self.after, self.squashed = (gates.new_empty(len(gates), u) for _ in range(3))
+        parts = (gates, gates[:, : 2 * u].unflatten(1, (2, u)), gates[:, : 3 * u],
+                 *gates.split(u, dim=1), self.before, self.after, self.squashed)  # fmt: skip
+        self.steps = steps_of(spans, *parts)
+        self.one = gates.new_ones(())
+
+    def forward(self, t: int, before, hidden) -> None:
+        """Turn the gates of step t into activations; `hidden` is filled."""
+        _, both, sigmoids, i, f, o, g, kept, after, squashed = self.steps[t]
+        kept.copy_(before)
+        if self.peep is None:
+            sigmoids.sigmoid_()
+        else:
+            both.addcmul_(before[:, None], self.peep[:2]).sigmoid_()
+        g.tanh_()
+        torch.mul(f, before, out=after)
+        after.addcmul_(i, g)
+        if self.peep is not None:
+            o.addcmul_(after, self.peep[2]).sigmoid_()
+        torch.tanh(after, out=squashed)
+        torch.mul(o, squashed, out=hidden)
+
+    def slopes(self, spans):
+        """Room for the gradients of the gates, and its views of each step."""
+        made, u = torch.empty_like(self.gates), self.units
+        return made, steps_of(spans, made, made[:, : 3 * u], *made.split(u, dim=1))
+
+    def backward(self, t: int, hidden, cell, slopes) -> None:
+        """Fill the slopes of step t; `cell` becomes the gradient of the memory one step earlier."""
+        _, _, sigmoids, i, f, o, g, before, _, squashed = self.steps[t]
+        _, to_sigmoids, to_i, to_f, to_o, to_g = slopes
+        torch.addcmul(sigmoids, sigmoids, sigmoids, value=-1, out=to_sigmoids)
+        torch.addcmul(self.one, g, g, value=-1, out=to_g)
+        to_o.mul_(squashed).mul_(hidden)
+        cell.addcmul_(torch.addcmul(self.one, squashed, squashed, value=-1).mul_(o), hidden)
+        if self.peep is not None:
+            cell.addcmul_(to_o, self.peep[2])
+        to_i.mul_(g).mul_(cell)
+        to_f.mul_(before).mul_(cell)
+        to_g.mul_(i).mul_(cell)
+        cell.mul_(f)
+        if self.peep is not None:
+            cell.addcmul_(to_i, self.peep[0]).addcmul_(to_f, self.peep[1])
+
+    def peep_gradient(self, slopes):
+        if self.peep is None:
+            return None
+        to_i, to_f, to_o, _ = slopes.split(self.units, dim=1)
+        seen = ((to_i, self.before), (to_f, self.before), (to_o, self.after))
+        return torch.stack([(slope * memory).sum(0) for slope, memory in seen])
+
+
+def steps_of(spans, *rows: Tensor) -> list[tuple[Tensor, ...]]:
+    """The rows of each step, for each of the tensors."""
+    sizes = [b - a for a, b in spans]
+    return list(zip(*(part.split(sizes) for part in rows), strict=True))
+
+
+class _Layer(torch.autograd.Function):
+    """One recurrent layer over packed rows, from a state of zero: hidden states and memories."""
+
+    @staticmethod
+    def forward(ctx, spans, seen, recall, peep):
+        tape = _Tape(spans, seen.clone(), peep)
+        hidden = seen.new_empty(len(seen), tape.units)
+        turns = [h for (h,) in steps_of(spans, hidden)]
+        memory = seen.new_zeros(len(turns[0]), tape.units)
+        for t, now in enumerate(turns):
+            n = len(now)
+            if t:
+                tape.steps[t][0].addmm_(turns[t - 1][:n], recall.T)
+            tape.forward(t, memory[:n], now)
+            memory = tape.steps[t][-2]
+        ctx.tape, ctx.spans = tape, spans
+        ctx.save_for_backward(hidden, recall)
+        return hidden, tape.after.clone()  # the tape must not hold what autograd hands out
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx, to_hidden, to_memory):
+        tape, spans = ctx.tape, ctx.spans
+        hidden, recall = ctx.saved_tensors
+        made, slopes = tape.slopes(spans)
+        earlier = torch.zeros_like(hidden)  # each row's hidden state one step before
+        steps = steps_of(spans, hidden, earlier, to_hidden, to_memory)
+        h, c = (hidden.new_zeros(spans[0][1], tape.units) for _ in range(2))
+        for t in reversed(range(len(spans))):
+            _, before, from_hidden, from_memory = steps[t]
+            n = len(before)
+            c[:n] += from_memory
+            tape.backward(t, h[:n] + from_hidden, c[:n], slopes[t])
+            if t:
+                torch.mm(slopes[t][0], recall, out=h[:n])
+                before.copy_(steps[t - 1][0][:n])
+        return None, made, made.T @ earlier, tape.peep_gradient(made)
 
 
 class _Unroll(torch.autograd.Function):
-    """Two LSTM layers and a tanh output that is fed back; gates in torch's order i, f, g, o.
-
-    Time first: `seen` is (T, B, 4U), the poses that come out (T, B, J).
-    """
+    """Two recurrent layers and a tanh output that is fed back, over packed rows."""
 
     @staticmethod
-    def forward(ctx, seen, start, h1, c1, h2, c2, w1, w2, b2, wo, bo):
-        steps, batch, units = len(seen), len(start), h1.shape[1]
-        joints = start.shape[1]
+    def forward(ctx, spans, seen, start, h1, c1, h2, c2, w1, w2, b2, peep1, peep2, wo, bo):
+        rows, units, joints = len(seen), h1.shape[1], start.shape[1]
         # inputs of each product, side by side: [h1 | pose] and [h1 | h2]
-        in1 = seen.new_empty(steps + 1, batch, units + joints)
-        in2 = seen.new_empty(steps + 1, batch, 2 * units)
-        gates1, gates2 = seen.clone(), seen.new_empty(steps, batch, 4 * units)
-        cells = seen.new_empty(2, steps + 1, batch, units)
-        in1[0, :, :units], in1[0, :, units:], in2[0, :, units:] = h1, start, h2
-        cells[0, 0], cells[1, 0] = c1, c2
-        for t in range(steps):
-            gates1[t].addmm_(in1[t], w1.T)
-            _cell(gates1[t], cells[0, t], cells[0, t + 1], in1[t + 1, :, :units])
-            in2[t, :, :units] = in1[t + 1, :, :units]
-            torch.addmm(b2, in2[t], w2.T, out=gates2[t])
-            _cell(gates2[t], cells[1, t], cells[1, t + 1], in2[t + 1, :, units:])
-            raw = torch.addmm(bo, in2[t + 1, :, units:], wo.T)
-            torch.tanh(raw, out=raw)
-            in1[t + 1, :, units:] = raw
-        poses = in1[1:, :, units:].contiguous()
-        ctx.save_for_backward(in1, in2, gates1, gates2, cells, poses, w1, w2, wo)
+        in1, in2 = seen.new_empty(rows, units + joints), seen.new_empty(rows, 2 * units)
+        first = _Tape(spans, seen.clone(), peep1)
+        second = _Tape(spans, seen.new_empty(rows, 4 * units), peep2)
+        out, poses = seen.new_empty(rows, units), seen.new_empty(rows, joints)
+        steps = steps_of(spans, in1, in1[:, :units], in1[:, units:],
+                         in2, in2[:, :units], in2[:, units:], out, poses)  # fmt: skip
+        w1, w2 = w1.T.contiguous(), w2.T.contiguous()
+        pose, hidden1, hidden2 = start, h1, h2
+        for t, (to1, was1, posed, to2, now1, was2, now2, pose_out) in enumerate(steps):
+            n = len(to1)
+            was1.copy_(hidden1[:n]), posed.copy_(pose[:n]), was2.copy_(hidden2[:n])
+            gates1, gates2 = first.steps[t][0], second.steps[t][0]
+            gates1.addmm_(to1, w1)
+            first.forward(t, c1[:n], now1)
+            torch.addmm(b2, to2, w2, out=gates2)
+            second.forward(t, c2[:n], now2)
+            torch.addmm(bo, now2, wo.T, out=pose_out).tanh_()
+            c1, c2 = first.steps[t][-2], second.steps[t][-2]
+            pose, hidden1, hidden2 = pose_out, now1, now2
+        ctx.tapes, ctx.spans = (first, second), spans
+        ctx.save_for_backward(in1, in2, out, poses, w1, w2, wo)
         return poses
 
     @staticmethod
     @once_differentiable
     def backward(ctx, grad):
-        in1, in2, gates1, gates2, cells, poses, w1, w2, wo = ctx.saved_tensors
-        steps, batch, units = len(grad), grad.shape[1], cells.shape[3]
-        slope = 1 - poses.square()
+        (first, second), spans = ctx.tapes, ctx.spans
+        in1, in2, out, poses, w1, w2, wo = ctx.saved_tensors
+        w1, w2 = w1.T.contiguous(), w2.T.contiguous()
+        units, batch = out.shape[1], spans[0][1]
         grads = torch.empty_like(poses)
-        d1, leak1 = _slopes(gates1, cells[0])
-        d2, leak2 = _slopes(gates2, cells[1])
-        h2 = in2.new_zeros(batch, units)
-        back1 = in1.new_zeros(batch, in1.shape[2])  # to h1 and the pose of the step before
-        c1, c2 = torch.zeros_like(h2), torch.zeros_like(h2)
-        for t in reversed(range(steps)):
-            torch.mul(grad[t] + back1[:, units:], slope[t], out=grads[t])
-            back2 = _cell_back(d2[t], leak2[t], gates2[t], h2.addmm(grads[t], wo), c2) @ w2
-            h2 = back2[:, units:]
-            h1 = back1[:, :units] + back2[:, :units]
-            back1 = _cell_back(d1[t], leak1[t], gates1[t], h1, c1) @ w1
-        flat1, flat2 = d1.flatten(0, 1), d2.flatten(0, 1)
-        flat = grads.flatten(0, 1)
+        made1, slopes1 = first.slopes(spans)
+        made2, slopes2 = second.slopes(spans)
+        steps = steps_of(spans, grad, 1 - poses.square(), grads)
+        back1 = in1.new_zeros(batch, in1.shape[1])  # to h1 and the pose of the step before
+        back2 = in2.new_zeros(batch, 2 * units)
+        c1, c2 = (in1.new_zeros(batch, units) for _ in range(2))
+        for t in reversed(range(len(spans))):
+            from_pose, steep, to_pose = steps[t]
+            n = len(to_pose)
+            torch.mul(from_pose + back1[:n, units:], steep, out=to_pose)
+            second.backward(t, torch.addmm(back2[:n, units:], to_pose, wo), c2[:n], slopes2[t])
+            torch.mm(slopes2[t][0], w2, out=back2[:n])
+            first.backward(t, back1[:n, :units] + back2[:n, :units], c1[:n], slopes1[t])
+            torch.mm(slopes1[t][0], w1, out=back1[:n])
         return (
-            d1, back1[:, units:], back1[:, :units], c1, h2, c2,
-            flat1.T @ in1[:-1].flatten(0, 1), flat2.T @ in2[:-1].flatten(0, 1), flat2.sum(0),
-            flat.T @ in2[1:, :, units:].flatten(0, 1), flat.sum(0),
+            None, made1, back1[:, units:], back1[:, :units], c1, back2[:, units:], c2,
+            made1.T @ in1, made2.T @ in2, made2.sum(0),
+            first.peep_gradient(made1), second.peep_gradient(made2), grads.T @ out, grads.sum(0),
         )  # fmt: skip
-
-
-def _cell(gates, before, after, hidden) -> None:
-    """One LSTM cell in place: `gates` become their activations, `after` and `hidden` are filled."""
-    units = before.shape[1]
-    gates[:, : 2 * units].sigmoid_()
-    gates[:, 2 * units : 3 * units].tanh_()
-    gates[:, 3 * units :].sigmoid_()
-    i, f, g, o = gates.split(units, dim=1)
-    torch.mul(f, before, out=after)
-    after.addcmul_(i, g)
-    torch.mul(o, after.tanh(), out=hidden)
-
-
-def _slopes(gates, cells):
-    """For all steps at once: gate gradients per gradient of the cell (of h, for o), and dc/dh."""
-    i, f, g, o = gates.chunk(4, dim=-1)
-    tanh = cells[1:].tanh()
-    slopes = torch.cat(
-        [g * i * (1 - i), cells[:-1] * f * (1 - f), i * (1 - g * g), tanh * o * (1 - o)], dim=-1
-    )
-    return slopes, o * (1 - tanh * tanh)
-
-
-def _cell_back(slopes, leak, gates, hidden, cell):
-    """Turn `slopes` into gate gradients in place; `cell` becomes the gradient one step earlier."""
-    units = cell.shape[1]
-    cell.addcmul_(hidden, leak)
-    slopes[:, : 3 * units].unflatten(1, (3, units)).mul_(cell[:, None])
-    slopes[:, 3 * units :].mul_(hidden)
-    cell.mul_(gates[:, units : 2 * units])
-    return slopes

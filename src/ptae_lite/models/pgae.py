@@ -13,17 +13,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
-from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ptae_lite.language import EOS, TOKENS, VOCABULARY, WORD_INDEX, Meaning, words_of
-from ptae_lite.models.common import Answer, check_sizes, losses
+from ptae_lite.language import TOKENS
+from ptae_lite.models import fast
+from ptae_lite.models.common import Answer, check_sizes, class_weights, losses
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
 from ptae_lite.models.gated import GatedUnit
 from ptae_lite.models.recurrent import RecurrentEncoder, spread
-from ptae_lite.signals import SUPERVISED, UNSUPERVISED, WORDS_OUT, Batch, Mix
+from ptae_lite.signals import MIX_WITH_BOTH, PTAE_MIX, WORDS_OUT, Batch, Mix
 
 
 @dataclass(frozen=True)
@@ -38,34 +37,21 @@ class PGAEConfig:
     forget_bias: float = 0.8
     gain: float = 1.5  # ours, of the starting weights (`recurrent.spread`); 0: the published ones
     weigh_words: bool = True  # each word by the size of its class, see `class_weights`
+    repeat_both: bool = True
 
     def __post_init__(self):
         check_sizes(self, "features", "joints", "code", "units", "layers")
 
-
-def class_weights() -> Float[Tensor, " V"]:
-    """A weight for each word: the size of its class (EOS 1, speed 4, action 6, colour 12).
-
-    The weights of all 23 words add up to 23. A word of a large class is harder to guess.
-    """
-    weights = torch.zeros(len(VOCABULARY))
-    weights[EOS] = 1
-    for kind in Meaning._fields:
-        words = [WORD_INDEX[word] for word in words_of(kind)]
-        weights[words] = float(len(words))
-    return weights * len(weights) / weights.sum()
+    @property
+    def mix(self) -> Mix:
+        """The signals it is trained on."""
+        return MIX_WITH_BOTH if self.repeat_both else PTAE_MIX
 
 
 class PGAE(nn.Module):
     """The model. It is told the task by the first query token alone, as PTAE is."""
 
     kind = "pgae"
-    # Published: a third for the three repeat signals, a third each for describe and execute; where
-    # few samples are labelled, repeat both is one of the three that need a label.
-    mix = Mix(
-        regular=(("repeat action", "repeat both", "repeat language"), SUPERVISED),
-        limited=(UNSUPERVISED, (*SUPERVISED, "repeat both")),
-    )
 
     def __init__(self, config: PGAEConfig = PGAEConfig()):
         super().__init__()
@@ -79,18 +65,26 @@ class PGAE(nn.Module):
         self.action = ActionDecoder(c.features, c.joints, c.code, *sizes, peepholes=True)
         if c.gain:
             spread([self.words_in, self.clip_in, self.fuse, self.language], c.gain)
-        weights = class_weights() if c.weigh_words else torch.ones(len(VOCABULARY))
-        self.register_buffer("word_weights", weights, persistent=False)
+        self.register_buffer("word_weights", class_weights(c.weigh_words), persistent=False)
 
     def forward(self, batch: Batch) -> Answer:
+        code = self._code(batch, RecurrentEncoder.__call__)
+        return self._answer(batch, code, self.action(code, batch.video, batch.start))
+
+    def quick(self, batch: Batch) -> Answer:
+        """What `forward` answers, computed only where it counts."""
+        code = self._code(batch, fast.summarise)
+        return self._answer(batch, code, fast.act(self.action, code, batch))
+
+    def _code(self, batch: Batch, encode) -> Tensor:
         words = functional.one_hot(batch.tokens, len(TOKENS)).to(batch.keys.dtype)
-        said = self.words_in(words, batch.token_mask.sum(1))
-        seen = self.clip_in(batch.keys, batch.step_mask.sum(1) + 1)
-        code = self.fuse(seen, said)
-        joints = self.action(code, batch.video, batch.start)
-        no_heads = code.new_zeros(len(code), 0, words.shape[1], batch.keys.shape[1])
+        said = encode(self.words_in, words, batch.token_mask.sum(1))
+        return self.fuse(encode(self.clip_in, batch.keys, batch.frames), said)
+
+    def _answer(self, batch: Batch, code: Tensor, joints: Tensor) -> Answer:
+        no_heads = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
         return Answer(self.language(code, WORDS_OUT), joints, code, no_heads)
 
     def costs(self, batch: Batch) -> tuple[Tensor, ...]:
         """Language and action loss, as training minimises them; words weighed by class."""
-        return losses(self(batch), batch, self.word_weights)
+        return losses(self.quick(batch), batch, self.word_weights)

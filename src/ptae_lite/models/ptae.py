@@ -10,22 +10,29 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
+import torch
 from torch import Tensor, nn
 
 from ptae_lite.errors import ConfigError
-from ptae_lite.language import TOKENS
-from ptae_lite.models import fast
-from ptae_lite.models.common import Answer, losses
+from ptae_lite.models import encoders, fast
+from ptae_lite.models.common import Answer, class_weights, losses
 from ptae_lite.models.crossmodal import CrossmodalTransformer
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
-from ptae_lite.signals import SUPERVISED, UNSUPERVISED, WORDS_OUT, Batch, Mix
+from ptae_lite.signals import MIX_WITH_BOTH, PTAE_MIX, WORDS_OUT, Batch, Mix
+
+CHOICES = {
+    "language_encoder": encoders.LANGUAGE,
+    "action_encoder": encoders.ACTION,
+    "queries": ("language", "action"),
+    "film": ("clip", "first"),
+}
 
 
 @dataclass(frozen=True)
 class PTAEConfig:
-    """Sizes of a PTAE. Each is the paper's unless its comment says otherwise."""
+    """Sizes and choices of a PTAE. Each is the paper's unless its comment says otherwise."""
 
     features: int = 30  # 10 for each colour channel
     joints: int = 5
@@ -36,39 +43,90 @@ class PTAEConfig:
     decoder_layers: int = 2
     dropout: float = 0.1  # ours; paper 0.25. Without any, new scenes get wrong colours more often
     forget_bias: float = 1.0  # ours; paper 0, with which the decoder forgets what it was told
+    # What the paper's text also tried, or leaves open; the defaults are its regular model.
+    language_encoder: str = "none"  # or `lstm`, or `bert` from the folder `bert`
+    action_encoder: str = "none"  # or `lstm`
+    encoder_units: int = 128  # ours, of an LSTM encoder: as wide as the decoders
+    bert: str = ""  # a local folder
+    queries: str = "language"  # or `action`: frames ask the words; the paper says it is worse
+    repeat_both: bool = False  # a fifth signal, as PGAE has
+    weigh_words: bool = False  # errors in words count by the size of the word's class, as in PGAE
+    # Ours, to show what the paper's choice does.
+    clock: bool = False  # frames have a position, and the padding is hidden
+    film: str = "clip"  # or `first`: the action decoder gets the first frame only, at every step
 
     def __post_init__(self):
         for name, value in asdict(self).items():
-            if name not in ("dropout", "forget_bias") and value < 1:
+            if name in CHOICES and value not in CHOICES[name]:
+                raise ConfigError(f"{name} is {value!r}; it can be {', '.join(CHOICES[name])}")
+            if type(value) is int and value < 1:
                 raise ConfigError(f"{name} is {value}; it must be 1 or more")
         if self.hidden % self.heads:
             raise ConfigError(f"hidden ({self.hidden}) must be a multiple of heads ({self.heads})")
         if not 0 <= self.dropout < 1:
             raise ConfigError(f"dropout is {self.dropout}; it must be from 0 to below 1")
 
+    @property
+    def mix(self) -> Mix:
+        """The signals it is trained on."""
+        return MIX_WITH_BOTH if self.repeat_both else PTAE_MIX
+
+    @property
+    def plain(self) -> bool:
+        """Is the way to the code the paper's regular one, which has a fast form?"""
+        none = self.language_encoder == self.action_encoder == "none"
+        return none and self.queries == "language" and not self.clock
+
 
 class PTAE(nn.Module):
     """The model. It is told the task by the first query token alone."""
 
     kind = "ptae"
-    mix = Mix(regular=(UNSUPERVISED, SUPERVISED), limited=(UNSUPERVISED, SUPERVISED))
 
     def __init__(self, config: PTAEConfig = PTAEConfig()):
         super().__init__()
         self.config = c = config
+        inputs = c.features + c.joints
+        self.words_in = encoders.language_encoder(c.language_encoder, c.encoder_units, c.bert)
+        self.frames_in = encoders.action_encoder(c.action_encoder, inputs, c.encoder_units)
+        seen = self.frames_in.size if self.frames_in else inputs
         self.encoder = CrossmodalTransformer(
-            len(TOKENS), c.features + c.joints, c.hidden, c.heads, c.feed_forward, c.dropout
-        )
+            self.words_in.size, seen, c.hidden, c.heads, c.feed_forward, c.dropout, c.queries,
+            c.clock,
+        )  # fmt: skip
         sizes = (c.hidden, c.decoder_units, c.decoder_layers, c.forget_bias)
         self.language = LanguageDecoder(*sizes)
         self.action = ActionDecoder(c.features, c.joints, *sizes)
+        self.register_buffer("word_weights", class_weights(c.weigh_words), persistent=False)
 
     def forward(self, batch: Batch) -> Answer:
-        code, attention = self.encoder(batch.tokens, batch.token_mask, batch.keys)
-        words = self.language(code, WORDS_OUT)
+        batch = self._shown(batch)
+        code, attention = self.encode(batch)
         joints = self.action(code, batch.video, batch.start)
-        return Answer(words, joints, code, attention)
+        return Answer(self.language(code, WORDS_OUT), joints, code, attention)
+
+    def encode(self, batch: Batch):
+        """The code (B, H), and the attention weights (B, heads, N, T)."""
+        words = self.words_in(batch.tokens, batch.token_mask).to(batch.keys.dtype)
+        frames = self.frames_in(batch.keys, batch.frames) if self.frames_in else batch.keys
+        inside = torch.arange(batch.keys.shape[1]) < batch.frames[:, None]
+        return self.encoder(words, batch.token_mask, frames, inside)
+
+    def quick(self, batch: Batch) -> Answer:
+        """What `forward` answers, but for the attention, and computed only where it counts."""
+        batch = self._shown(batch)
+        plain = self.config.plain
+        code = fast.encode(self.encoder, self.words_in, batch) if plain else self.encode(batch)[0]
+        joints = fast.act(self.action, code, batch)
+        unseen = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
+        return Answer(self.language(code, WORDS_OUT), joints, code, unseen)
 
     def costs(self, batch: Batch) -> tuple[Tensor, ...]:
         """Language and action loss, as training minimises them."""
-        return losses(fast.answer(self, batch), batch)
+        return losses(self.quick(batch), batch, self.word_weights)
+
+    def _shown(self, batch: Batch) -> Batch:
+        """The batch with what this model's action decoder is shown."""
+        if self.config.film == "clip":
+            return batch
+        return replace(batch, video=batch.video[:, :1].expand_as(batch.video))

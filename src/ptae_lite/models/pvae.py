@@ -27,6 +27,7 @@ from torch.nn import functional
 
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import VOCABULARY, signal_index
+from ptae_lite.models import fast
 from ptae_lite.models.common import Answer, check_sizes, losses
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
 from ptae_lite.models.recurrent import RecurrentEncoder, reverse, spread
@@ -61,6 +62,11 @@ class PVAEConfig:
             if getattr(self, name) < 0:
                 raise ConfigError(f"{name} is {getattr(self, name)}; it must be 0 or more")
 
+    @property
+    def mix(self) -> Mix:
+        """The signals it is trained on: it sees both halves of a pair, and repeats each."""
+        return Mix(regular=(("repeat both",), ("repeat both",)), limited=None)
+
 
 @dataclass(frozen=True)
 class PRAEConfig(PVAEConfig):
@@ -86,8 +92,9 @@ class Half(nn.Module):
         self.mean = nn.Linear(summary, config.code)
         self.log_variance = nn.Linear(summary, config.code) if config.variational else None
 
-    def forward(self, rows: Float[Tensor, "B T I"], lengths) -> Code:
-        summary = self.encoder(reverse(rows, lengths), lengths)
+    def forward(self, rows: Float[Tensor, "B T I"], lengths, encode=RecurrentEncoder.__call__):
+        """The code of sequences (`encode` may be the fast form of the same)."""
+        summary = encode(self.encoder, reverse(rows, lengths), lengths)
         sure = self.log_variance(summary) if self.log_variance else None
         return Code(self.mean(summary), sure)
 
@@ -122,8 +129,6 @@ def divergence(code: Code) -> Tensor:
 class PVAE(nn.Module):
     """The model, or a PRAE where the configuration is not `variational`."""
 
-    mix = Mix(regular=(("repeat both",), ("repeat both",)), limited=None)
-
     def __init__(self, config: PVAEConfig = PVAEConfig()):
         super().__init__()
         self.config = c = config
@@ -137,15 +142,14 @@ class PVAE(nn.Module):
         if c.gain:
             spread([self.words_in, self.clip_in, self.language], c.gain)
 
-    def encode(self, batch: Batch) -> tuple[Code, Code]:
+    def encode(self, batch: Batch, encode=RecurrentEncoder.__call__) -> tuple[Code, Code]:
         """Codes of the sentence (without the signal) and of the clip."""
         words = functional.one_hot(batch.tokens[:, 1:], len(VOCABULARY)).to(batch.keys.dtype)
-        said = self.words_in(words, batch.token_mask.sum(1) - 1)
-        return said, self.clip_in(batch.keys, batch.step_mask.sum(1) + 1)
+        said = self.words_in(words, batch.token_mask.sum(1) - 1, encode)
+        return said, self.clip_in(batch.keys, batch.frames, encode)
 
-    def decode(self, batch: Batch, to_say, to_do) -> Answer:
+    def decode(self, batch: Batch, to_say, to_do, joints: Tensor) -> Answer:
         """What the decoders make of a code (B, H) each; `code` is both, side by side."""
-        joints = self.action(to_do, batch.video, batch.start)
         no_heads = to_do.new_zeros(len(to_do), 0, batch.tokens.shape[1], batch.keys.shape[1])
         both = torch.cat([to_say, to_do], dim=1)
         return Answer(self.language(to_say, WORDS_OUT), joints, both, no_heads)
@@ -158,12 +162,13 @@ class PVAE(nn.Module):
             for signals in (BY_ACTION, BY_LANGUAGE)
         )
         to_say, to_do = torch.where(by_action, done, said), torch.where(by_language, said, done)
-        return self.decode(batch, to_say, to_do)
+        return self.decode(batch, to_say, to_do, self.action(to_do, batch.video, batch.start))
 
     def costs(self, batch: Batch) -> tuple[Tensor, ...]:
         """Language and action loss of repeating both, and what binds and spreads the codes."""
-        c, codes = self.config, self.encode(batch)
-        answer = self.decode(batch, *(self.draw(code) for code in codes))
+        c, codes = self.config, self.encode(batch, fast.summarise)
+        to_say, to_do = (self.draw(code) for code in codes)
+        answer = self.decode(batch, to_say, to_do, fast.act(self.action, to_do, batch))
         bound = c.binding * binding(codes[0].mean, codes[1].mean, c.margin)
         if c.variational:
             bound = bound + c.divergence * sum(divergence(code) for code in codes)

@@ -69,6 +69,19 @@ def draw(seed: int) -> Variation:
     )
 
 
+def middle(places_m: Float[np.ndarray, "2 2"]) -> Variation:
+    """The variation for cubes in these places that is in the middle of all else."""
+    return Variation(
+        places_m=np.asarray(places_m, dtype=float),
+        yaws_rad=np.zeros(2),
+        travel_m=sum(TRAVEL_M) / 2,
+        aside_m=0.0,
+        low_m=LOW_HEIGHT_M,
+        high_m=HIGH_HEIGHT_M,
+        clock=np.array(CLOCK, dtype=float),
+    )
+
+
 def ease(x):
     """Quintic smoothstep from 0 to 1: it starts and ends with no speed and no acceleration."""
     return x**3 * (10 + x * (6 * x - 15))

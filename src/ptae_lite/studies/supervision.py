@@ -14,15 +14,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from ptae_lite.dataset import AUTHORS, Samples
+from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, evaluate, respond, sentences, word_accuracy
 from ptae_lite.language import patterns, sentence
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.signals import Source
+from ptae_lite.studies import tables
 from ptae_lite.training import Recipe, label, train
 
 SHARES = (2, 10, 50, 100)  # percent of the 648 training samples
+KEY = ["share", "seed"]
 SHOWN = 6  # test clips whose descriptions are kept
 
 
@@ -35,17 +37,12 @@ def run_one(samples: Samples, share: float, seed: int, recipe: Recipe, split: st
     everything = len(labelled) == len(samples.split(split))  # then the training is the regular one
     supervised = recipe.supervised if everything else 0.5
     row = {
-        "model": "ptae", "data": data_name(samples), "mode": "samples", "variant": "balanced",
+        "model": "ptae", "data": samples.name, "mode": "samples", "variant": "balanced",
         "share": share, "seed": seed, "labelled": len(labelled), "steps": steps,
         "supervised_presentations": round(steps * recipe.batch * supervised),
         "seconds": round(time.perf_counter() - begun),
     }  # fmt: skip
     return row, trained
-
-
-def data_name(samples: Samples) -> str:
-    """`recording`, our own or one made again, or `authors`: their published data."""
-    return AUTHORS if samples.eye == AUTHORS else "recording"
 
 
 def scores(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:
@@ -75,28 +72,13 @@ def study(samples: Samples, folder, shares=SHARES, seeds=(0,), recipe: Recipe | 
     for share in shares:
         label(samples.split("train"), share, 0)  # refuse a wrong one before the first training
     table, said = Path(folder) / "supervision.csv", Path(folder) / "supervision_sentences.csv"
-    rows = pd.read_csv(table) if table.exists() else pd.DataFrame(columns=["data", "share", "seed"])
-    if set(rows["data"]) - {data_name(samples)}:
+    rows = tables.read(table, ["data", *KEY])
+    if set(rows["data"]) - {samples.name}:
         raise ConfigError(f"{table} is of another data set; choose another folder with --out")
-    done = set(zip(rows["share"], rows["seed"], strict=True))
+    done = tables.there(table, KEY)
     jobs = [(share, seed) for seed in seeds for share in shares if (share, seed) not in done]
     for share, seed in progress(jobs):
         row, trained = run_one(samples, share, seed, replace(recipe, seed=seed))
-        append(said, examples(trained, samples, share, seed))
-        append(table, pd.DataFrame([row | scores(trained, samples)]))
+        tables.add(said, examples(trained, samples, share, seed), KEY)
+        tables.add(table, pd.DataFrame([row | scores(trained, samples)]), KEY)
     return pd.read_csv(table)
-
-
-def append(path: Path, rows: pd.DataFrame) -> None:
-    """Add rows to a table, in order; the file is written whole or not at all.
-
-    Rows of the same training are replaced: it may have been stopped between its two tables.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.exists():
-        old, key = pd.read_csv(path), ["share", "seed"]
-        again = old.set_index(key).index.isin(rows.set_index(key).index)
-        rows = pd.concat([old[~again], rows], ignore_index=True)
-    beside = path.with_name(path.name + ".part")
-    rows.sort_values(["share", "seed"], kind="stable").to_csv(beside, index=False)
-    beside.replace(path)

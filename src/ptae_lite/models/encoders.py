@@ -1,0 +1,130 @@
+"""What may stand in front of the crossmodal transformer: nothing, an LSTM, or BERT.
+
+The paper's architecture figure names the choices (language: none, LSTM, BERT; action: none, LSTM)
+and its text reports no significant difference between them. Each turns a sequence into rows of
+`size` numbers; how an LSTM's rows enter the transformer is ours, because the published code fails
+with one.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+from torch.nn import functional
+from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
+
+from ptae_lite.errors import ConfigError
+from ptae_lite.language import EOS, TOKENS, VOCABULARY
+
+LANGUAGE = ("none", "lstm", "bert")
+ACTION = ("none", "lstm")
+
+
+class OneHot(nn.Module):
+    """A token is a one among 28 numbers."""
+
+    size = len(TOKENS)
+
+    def forward(self, tokens: Int[Tensor, "B N"], mask: Bool[Tensor, "B N"]):
+        return functional.one_hot(tokens, self.size).to(torch.get_default_dtype())
+
+
+class Sequence(nn.Module):
+    """An LSTM's hidden state after each row; zero beyond a sequence's end."""
+
+    def __init__(self, inputs: int, units: int):
+        super().__init__()
+        self.size = units
+        self.lstm = nn.LSTM(inputs, units, batch_first=True)
+
+    def forward(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]):
+        packed = pack_padded_sequence(rows, lengths, batch_first=True, enforce_sorted=False)
+        return pad_packed_sequence(self.lstm(packed)[0], True, total_length=rows.shape[1])[0]
+
+
+class WordSequence(nn.Module):
+    """Tokens through an LSTM."""
+
+    def __init__(self, units: int):
+        super().__init__()
+        self.one_hot, self.sequence = OneHot(), Sequence(OneHot.size, units)
+        self.size = units
+
+    def forward(self, tokens: Int[Tensor, "B N"], mask: Bool[Tensor, "B N"]):
+        return self.sequence(self.one_hot(tokens, mask), mask.sum(1))
+
+
+class BertWords(nn.Module):
+    """Words as a BERT reads them in their sentence; signals, which BERT never met, as a one-hot.
+
+    BERT is read from a local folder and stays as it is: its weights are not trained, and not
+    stored with the model. A word's row is the mean of the states of its pieces, BOS's and EOS's
+    are those of [CLS] and [SEP]. Sentences are read once and kept.
+    """
+
+    def __init__(self, folder: str):
+        super().__init__()
+        self._tokenizer, bert = _read_bert(folder)
+        self._bert = [bert]  # in a list, so that its weights are not the model's
+        self._seen: dict[tuple[int, ...], Tensor] = {}
+        self.size = len(TOKENS) + bert.config.hidden_size
+
+    def forward(self, tokens: Int[Tensor, "B N"], mask: Bool[Tensor, "B N"]):
+        rows = torch.zeros(*tokens.shape, self.size)
+        signals = tokens >= len(VOCABULARY)
+        rows[..., : len(TOKENS)] = functional.one_hot(tokens, len(TOKENS)) * signals[..., None]
+        for i, (line, there) in enumerate(zip(tokens.tolist(), mask.tolist(), strict=True)):
+            words = tuple(t for t, used in zip(line, there, strict=True) if used)[1:]
+            rows[i, 1 : 1 + len(words), len(TOKENS) :] = self._states(words)
+        return rows
+
+    @torch.no_grad()
+    def _states(self, words: tuple[int, ...]) -> Float[Tensor, "N E"]:
+        if words not in self._seen:
+            text = [VOCABULARY[i] for i in words if i != EOS]
+            pieces = self._tokenizer(text, is_split_into_words=True, return_tensors="pt")
+            states = self._bert[0](**pieces).last_hidden_state[0]
+            of_word = pieces.word_ids()
+            rows = [states[:1]] if text else []  # BOS; without a sentence there is EOS alone
+            for n in range(len(text)):
+                mine = [i for i, word in enumerate(of_word) if word == n]
+                rows.append(states[mine].mean(0, keepdim=True))
+            self._seen[words] = torch.cat([*rows, states[-1:]])
+        return self._seen[words]
+
+
+def _read_bert(folder: str):
+    try:
+        from transformers import AutoModel, AutoTokenizer
+    except ImportError:
+        raise ConfigError(
+            "a BERT language encoder needs the package transformers, which is not installed; "
+            "install it with: python -m pip install -e .[bert]"
+        ) from None
+    if not (Path(folder) / "config.json").is_file():
+        raise ConfigError(
+            f"{folder or 'no folder'!r} holds no BERT (no config.json); set `bert` to a local "
+            "folder with its config, tokenizer and model.safetensors"
+        )
+    local = {"local_files_only": True, "trust_remote_code": False}
+    try:
+        bert = AutoModel.from_pretrained(folder, use_safetensors=True, **local)
+        tokenizer = AutoTokenizer.from_pretrained(folder, **local)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"the BERT in {folder} cannot be read: {error}") from None
+    return tokenizer, bert.eval().requires_grad_(False)
+
+
+def language_encoder(kind: str, units: int, bert: str) -> nn.Module:
+    """The encoder of a name in `LANGUAGE`. Raises `ConfigError` where it cannot be made."""
+    if kind == "none":
+        return OneHot()
+    return BertWords(bert) if kind == "bert" else WordSequence(units)
+
+
+def action_encoder(kind: str, inputs: int, units: int) -> Sequence | None:
+    """The encoder of a name in `ACTION`; None where frames go in as they are."""
+    return Sequence(inputs, units) if kind == "lstm" else None

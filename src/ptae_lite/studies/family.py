@@ -1,0 +1,149 @@
+"""The family: PTAE, the models before it, and what each of PTAE's choices is worth.
+
+Every row of `family.csv` is one training on all training samples, scored on the test samples.
+`CLAIMS` says which rows test which sentence of the paper. Curves of describe accuracy by updates
+and by seconds of computing go to `family_curves.csv`.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from ptae_lite.dataset import Samples
+from ptae_lite.errors import ConfigError
+from ptae_lite.evaluation import controls, correct, evaluate, new_scenes, respond
+from ptae_lite.models import checkpoint
+from ptae_lite.models.checkpoint import MODELS, Trained
+from ptae_lite.signals import Source
+from ptae_lite.studies import tables
+from ptae_lite.training import RECIPES, Recipe, train
+
+# What is trained: a name, the model, and how its configuration differs from the regular one.
+VARIANTS = {
+    "PTAE": ("ptae", {}),
+    "PGAE": ("pgae", {}),
+    "PVAE": ("pvae", {}),
+    "PTAE, action asks": ("ptae", {"queries": "action"}),
+    "PTAE, repeat both": ("ptae", {"repeat_both": True}),
+    "PGAE, no repeat both": ("pgae", {"repeat_both": False}),
+    "PTAE, words weighed": ("ptae", {"weigh_words": True}),
+    "PTAE, LSTM encoders": ("ptae", {"language_encoder": "lstm", "action_encoder": "lstm"}),
+    "PTAE, first frame only": ("ptae", {"film": "first"}),
+    "PTAE, clock": ("ptae", {"clock": True}),
+    "PRAE": ("prae", {}),
+}
+# Sentences of the paper, and the two rows that each is about: what it says is better, and worse.
+CLAIMS = {
+    "language as query is better than action": ("PTAE", "PTAE, action asks"),
+    "repeat both helps PGAE": ("PGAE", "PGAE, no repeat both"),
+    "repeat both does not help PTAE": ("PTAE", "PTAE, repeat both"),
+    "word weights are unnecessary for PTAE": ("PTAE", "PTAE, words weighed"),
+    "LSTM encoders change nothing": ("PTAE", "PTAE, LSTM encoders"),
+    "PTAE converges in less than half of PGAE's updates": ("PTAE", "PGAE"),
+}
+KEY = ["data", "variant", "seed"]
+EVERY = 5  # epochs between two points of a curve
+
+
+def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = None, weights=None):
+    """Train one variant: its row and its curve. `weights` is a folder for the model, or None."""
+    model, choices = VARIANTS[variant]
+    config = MODELS[model][1](features=samples.features.shape[2], **choices)
+    recipe = replace(recipe or RECIPES[model], seed=seed)
+    test, points, looking = samples.split("test"), [], 0.0
+    begun = time.process_time()
+
+    def look(epoch: int, trained: Trained) -> None:
+        nonlocal looking
+        if epoch % EVERY and epoch != recipe.epochs:
+            return
+        stopped = time.process_time()
+        right = correct(respond(trained, source_of(trained), test, "describe"), samples, test)
+        points.append({
+            "variant": variant, "seed": seed, "epoch": epoch,
+            "updates": epoch * trained.about["steps"] // recipe.epochs,
+            "seconds": round(stopped - begun - looking, 1),
+            "describe_accuracy": round(100 * float(right.mean()), 3),
+        })  # fmt: skip
+        looking += time.process_time() - stopped
+
+    sources: list[Source] = []
+
+    def source_of(trained: Trained) -> Source:
+        if not sources:
+            sources.append(Source(trained.dataset(samples)))
+        return sources[0]
+
+    trained = train(samples, recipe, model=model, config=config, on_epoch=look)
+    seconds = time.process_time() - begun - looking
+    row = {
+        "data": samples.name, "variant": variant, "model": model, "seed": seed,
+        "parameters": sum(p.numel() for p in trained.model.parameters()),
+        "steps": trained.about["steps"], "batch": recipe.batch, "seconds": round(seconds, 1),
+    }  # fmt: skip
+    scored = evaluate(trained, samples)
+    scored |= {
+        f"execute_{name.replace(' ', '_')}": paper
+        for name, (paper, _) in controls(trained, samples).items() if name != "as trained"
+    }  # fmt: skip
+    new = new_scenes(samples)
+    if new.any():
+        right = correct(respond(trained, source_of(trained), test, "describe"), samples, test)
+        scored["describe_accuracy_new_scenes"] = 100 * float(right[new].mean())
+    row |= {name: round(value, 3) for name, value in scored.items()}
+    if weights is not None:
+        name = variant.lower().replace(", ", "_").replace(" ", "_")
+        checkpoint.save(Path(weights) / f"{name}_seed{seed}.safetensors", trained)
+    return row, pd.DataFrame(points).assign(data=row["data"])
+
+
+def study(samples: Samples, folder, variants=tuple(VARIANTS), seeds=(0, 1, 2), weights=None,
+          workers: int = 1, progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
+    """Run what is missing in `family.csv`, seed by seed, writing each row as its training ends.
+
+    Args:
+        folder: of the tables.
+        weights: a folder for the trained models, NAME_seedN.safetensors; none are kept if None.
+        workers: trainings side by side.
+    """
+    for variant in variants:
+        if variant not in VARIANTS:
+            raise ConfigError(f"no variant {variant!r}; there are {'; '.join(VARIANTS)}")
+    table, curves = Path(folder) / "family.csv", Path(folder) / "family_curves.csv"
+    done, name = tables.there(table, KEY), samples.name
+    wanted = [(variant, seed) for seed in seeds for variant in variants]
+    jobs = [(samples, v, s, None, weights) for v, s in wanted if (name, v, s) not in done]
+
+    def keep(result) -> None:
+        row, points = result
+        tables.add(curves, points, KEY, [*KEY, "epoch"])
+        tables.add(table, pd.DataFrame([row]), KEY)
+
+    tables.run(run_one, jobs, keep, workers, progress)
+    return pd.read_csv(table)
+
+
+def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
+    """Median, smallest and largest of some columns over seeds, a row a variant."""
+    groups = table.groupby("variant", sort=False)[list(columns)]
+    return groups.agg(["median", "min", "max"])
+
+
+def updates_to(curves: pd.DataFrame, percent: float) -> pd.DataFrame:
+    """Updates and seconds after which a training first described `percent` right, and stayed."""
+    rows = []
+    for (variant, seed), curve in curves.groupby(["variant", "seed"], sort=False):
+        below = np.flatnonzero(curve["describe_accuracy"].to_numpy() < percent)
+        first = 0 if not len(below) else below[-1] + 1
+        at = curve.iloc[first] if first < len(curve) else None
+        rows.append({
+            "variant": variant, "seed": seed,
+            "updates": np.nan if at is None else at["updates"],
+            "seconds": np.nan if at is None else at["seconds"],
+        })  # fmt: skip
+    return pd.DataFrame(rows)

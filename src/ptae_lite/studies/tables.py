@@ -1,0 +1,58 @@
+"""The tables of the studies: rows are added one training at a time, and none is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import pandas as pd
+import torch
+from joblib import Parallel, delayed
+
+
+def read(path: Path, key: list[str]) -> pd.DataFrame:
+    """A table, or an empty one with the columns of `key`."""
+    return pd.read_csv(path) if Path(path).exists() else pd.DataFrame(columns=key)
+
+
+def there(path: Path, key: list[str]) -> set[tuple]:
+    """Which rows a table has already."""
+    return set(read(path, key)[key].itertuples(index=False, name=None))
+
+
+def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None = None) -> None:
+    """Add rows to a table, in the order of `order` (of `key`); it is written whole or not at all.
+
+    Rows of the same key are replaced: a training may have been stopped between its two tables.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists():
+        old = pd.read_csv(path)
+        again = old.set_index(key).index.isin(rows.set_index(key).index)
+        rows = pd.concat([old[~again], rows], ignore_index=True)
+    beside = path.with_name(path.name + ".part")
+    rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
+    beside.replace(path)
+
+
+def run(work: Callable, jobs: list, keep: Callable, workers: int, progress: Callable) -> None:
+    """Do `work(*job)` for each job, and `keep` each result as it comes.
+
+    Args:
+        keep: called here, one result after the other, so that it may write to a table.
+        workers: trainings side by side, each in its own process with one thread.
+        progress: wraps the results (as `tqdm` does); told `total`.
+    """
+    if workers == 1:
+        results: Iterable = (work(*job) for job in jobs)
+    else:
+        pool = Parallel(n_jobs=workers, return_as="generator_unordered")
+        results = pool(delayed(_alone)(work, job) for job in jobs)
+    for result in progress(results, total=len(jobs)):
+        keep(result)
+
+
+def _alone(work: Callable, job: tuple):
+    torch.set_num_threads(1)
+    return work(*job)

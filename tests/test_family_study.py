@@ -1,0 +1,124 @@
+"""The study of the family: rows, curves, each training once, and what is read from the tables."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import ptae_lite.__main__ as cli
+from ptae_lite import dataset
+from ptae_lite.errors import ConfigError
+from ptae_lite.models import checkpoint
+from ptae_lite.studies import family, tables
+from ptae_lite.training import Recipe
+
+TWO = ("PTAE", "PGAE, no repeat both")
+
+
+@pytest.fixture
+def quick(monkeypatch, small_configs):
+    """Trainings are of tiny models; keeps which were run."""
+    ran, real = [], family.run_one
+
+    def run_one(samples, variant, seed, recipe, weights):
+        ran.append((variant, seed))
+        return real(samples, variant, seed, Recipe(epochs=6, batch=8), weights)
+
+    def config_of(kind):
+        def make(features, **choices):
+            return replace(small_configs[kind], **choices)
+
+        return make
+
+    small = {kind: (model, config_of(kind)) for kind, (model, _) in checkpoint.MODELS.items()}
+    monkeypatch.setattr(family, "MODELS", small)
+    monkeypatch.setattr(family, "run_one", run_one)
+    return ran
+
+
+def test_a_row_and_a_curve_for_each_training(few, quick, tmp_path):
+    table = family.study(few, tmp_path, TWO, (0, 1), weights=tmp_path / "weights")
+    assert quick == [(name, seed) for seed in (0, 1) for name in TWO]
+    assert table["variant"].tolist() == ["PGAE, no repeat both"] * 2 + ["PTAE"] * 2
+    assert set(table["data"]) == {"recording"} and table["steps"].tolist() == [18] * 4
+    assert table.filter(like="execute_").shape[1] == 6 and table.notna().all(axis=None)
+    curves = pd.read_csv(tmp_path / "family_curves.csv")
+    for _, curve in curves.groupby(["variant", "seed"]):
+        assert curve["epoch"].tolist() == [5, 6] and curve["updates"].tolist() == [15, 18]
+        assert curve["seconds"].is_monotonic_increasing
+    names = {path.name for path in (tmp_path / "weights").iterdir()}
+    assert "ptae_seed0.safetensors" in names and "pgae_no_repeat_both_seed1.safetensors" in names
+    last = curves[(curves["variant"] == "PTAE") & (curves["epoch"] == 6)]
+    scored = table[table["variant"] == "PTAE"]
+    assert last["describe_accuracy"].tolist() == scored["describe_accuracy"].tolist()
+
+
+def test_what_is_there_is_not_trained_again(few, quick, tmp_path):
+    family.study(few, tmp_path, TWO, (0,))
+    before = (tmp_path / "family.csv").read_bytes()
+    family.study(few, tmp_path, TWO, (0,))
+    assert len(quick) == 2 and (tmp_path / "family.csv").read_bytes() == before
+
+
+def test_a_study_stopped_between_its_tables_goes_on(few, quick, tmp_path, monkeypatch):
+    real = tables.add
+
+    def stop(path, *arguments):
+        if path.name == "family.csv":
+            raise KeyboardInterrupt
+        real(path, *arguments)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(tables, "add", stop)
+        family.study(few, tmp_path, TWO[:1], (0,))
+    family.study(few, tmp_path, TWO[:1], (0,))
+    curves = pd.read_csv(tmp_path / "family_curves.csv")
+    assert len(quick) == 2 and curves["epoch"].tolist() == [5, 6]
+
+
+def test_workers_give_the_rows_that_one_process_gives(tmp_path):
+    """Side by side, results come in any order; the table does not show it."""
+    kept = []
+    tables.run(divmod, [(7, 2), (9, 4)], kept.append, 1, lambda results, total: results)
+    side_by_side = []
+    tables.run(divmod, [(7, 2), (9, 4)], side_by_side.append, 2, lambda results, total: results)
+    assert kept == [(3, 1), (2, 1)] and sorted(side_by_side) == sorted(kept)
+
+
+def test_a_variant_that_does_not_exist_is_refused(few, tmp_path):
+    with pytest.raises(ConfigError, match="no variant 'QTAE'; there are PTAE; PGAE; PVAE"):
+        family.study(few, tmp_path, ("QTAE",))
+    assert not list(tmp_path.iterdir())
+
+
+def test_every_claim_is_about_variants_that_are_trained():
+    assert all(name in family.VARIANTS for pair in family.CLAIMS.values() for name in pair)
+    for model, choices in family.VARIANTS.values():
+        checkpoint.MODELS[model][1](**choices)  # each is a configuration that exists
+
+
+def test_the_command_runs_the_study(few, quick, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
+    options = ["--variants", "PTAE", "--seeds", "3", "--out", str(tmp_path), "--json"]
+    assert cli.main(["study", "family", *options]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert quick == [("PTAE", 3)] and made["rows"] == 1
+
+
+def test_updates_to_a_level_count_from_where_a_curve_stays_there():
+    curve = pd.DataFrame({
+        "variant": "PTAE", "seed": 0, "updates": [10, 20, 30, 40], "seconds": [1, 2, 3, 4],
+        "describe_accuracy": [50, 96, 90, 97],
+    })  # fmt: skip
+    row = family.updates_to(curve, 95).iloc[0]
+    assert (row["updates"], row["seconds"]) == (40, 4)
+    assert np.isnan(family.updates_to(curve, 99).iloc[0]["updates"])
+    assert family.updates_to(curve, 40).iloc[0]["updates"] == 10
+
+
+def test_samples_of_a_stand_in_test_part_are_named_as_such(samples):
+    theirs = replace(samples, eye="authors")
+    assert samples.name == "recording" and theirs.name == "authors"
+    assert replace(theirs, holdout=18).name == "authors, 18 held out"
