@@ -3,9 +3,10 @@
 
     python benchmarks/run.py [NAME ...] [--full] [--json]
 
-Names: recording, cae, features, ptae, chapters; all of them if none is given. A job of minutes is
-measured on a fair part and extrapolated to the whole; `--full` does the whole job. The last column
-says which. Run it on an idle machine: beside other work, two threads may take ten times as long.
+Names: recording, cae, features, steps, describing, ptae, chapters; all of them if none is given. A
+job of minutes is measured on a fair part and extrapolated to the whole; `--full` does it whole.
+The last column says which. Run it on an idle machine: beside other work, two threads may take ten
+times as long.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from functools import partial
 from pathlib import Path
 
 from rows import Row, clocked, laps, table
+from steps import describing, steps
 
 ROOT = Path(__file__).resolve().parents[1]
 ALL_FRAMES = 64_800  # of the 864 samples
@@ -101,7 +103,7 @@ def ptae(options) -> list[Row]:
     from ptae_lite.evaluation import evaluate
     from ptae_lite.models import checkpoint
 
-    samples, recipe, times = dataset.load(), training.Recipe(), []
+    samples, recipe, times = dataset.load(), training.RECIPES["ptae"], []
     row, right = Row("training PTAE, 1 thread", 10), Row("PTAE describes the test samples", 95, "%")
     right.at_most = False
     short = recipe if options.full else replace(recipe, epochs=REPEATS)
@@ -139,8 +141,8 @@ def chapters(options, root: Path = ROOT) -> list[Row]:
     return [*rows, whole]
 
 
-JOBS = {job.__name__: job for job in (recording, cae, features, ptae, chapters)}
-THREADS = {"cae": 2, "features": 2, "ptae": 1}
+JOBS = {job.__name__: job for job in (recording, cae, features, steps, describing, ptae, chapters)}
+THREADS = {"cae": 2, "features": 2, "steps": 1, "describing": 1, "ptae": 1}
 
 
 def main(arguments=None) -> int:
