@@ -11,7 +11,7 @@ import torch
 from ptae_lite import training
 from ptae_lite.dataset import fit_scaling
 from ptae_lite.errors import ConfigError
-from ptae_lite.language import COLOURS, pattern
+from ptae_lite.language import COLOURS, patterns
 from ptae_lite.models.common import Answer, losses
 from ptae_lite.signals import SUPERVISED, UNSUPERVISED, Batch, build, signal_number
 from ptae_lite.training import Recipe
@@ -63,7 +63,7 @@ def test_signals_are_drawn_in_their_proportions(supervised):
 def test_an_epoch_takes_every_sample_once(samples):
     train = samples.split("train")
     batches = list(training.epoch_batches(np.random.default_rng(0), train, None, Recipe()))
-    assert [len(part) for part, _ in batches] == [54] * 12
+    assert [len(part) for part, _ in batches] == [27] * 24
     assert sorted(np.concatenate([part for part, _ in batches])) == train.tolist()
 
 
@@ -220,11 +220,43 @@ def test_a_smaller_exponent_keeps_more_of_the_features_own_spread(samples, expon
 def test_held_out_patterns_ask_what_the_test_patterns_ask(samples):
     held_out, fit = samples.split("held_out"), samples.split("fit")
     assert sorted([*held_out, *fit]) == samples.split("train").tolist()
-    held = [pattern(i) for i in sorted({samples.pattern[i] for i in held_out})]
-    rest = [pattern(i) for i in sorted({samples.pattern[i] for i in fit})]
+    held = [patterns()[i] for i in sorted({samples.pattern[i] for i in held_out})]
+    rest = [patterns()[i] for i in sorted({samples.pattern[i] for i in fit})]
     assert len(held) == len({p.meaning for p in held}) == 16
     assert {p.target_colour for p in held} == set(COLOURS)
     for p in held:  # as for a test pattern, its meaning is known on this side, in another scene
         assert any((q.meaning, q.side) == (p.meaning, p.side) for q in rest)
     shown = Counter(p.arrangement for p in rest)
     assert {shown[p.arrangement] for p in held} == {7}  # of 12
+
+
+def test_a_device_that_is_not_here_is_refused(few, tiny):
+    message = "device 'tpu9' cannot be used here, .*; train without --device"
+    with pytest.raises(ConfigError, match=message):
+        training.train(few, Recipe(epochs=1, batch=8), config=tiny, device="tpu9")
+    if not torch.cuda.is_available():
+        with pytest.raises(ConfigError, match="device 'cuda' cannot be used here"):
+            training.train(few, Recipe(epochs=1, batch=8), config=tiny, device="cuda")
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
+@pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
+def test_a_gpu_trains_the_same_model(few, small_configs, model):
+    recipe, made = Recipe(epochs=1, batch=8), []
+    for device in ("cpu", "cuda"):
+        trained = training.train(few, recipe, model=model, config=small_configs[model],
+                                 device=device)  # fmt: skip
+        made.append(torch.cat([p.flatten() for p in trained.model.parameters()]))
+    torch.testing.assert_close(*made, atol=1e-3, rtol=0)
+
+
+def test_the_action_decoder_learns_at_its_own_pace(few, tiny):
+    """Without a pace it stays as it was made; the rest does not."""
+    torch.manual_seed(0)
+    recipe = Recipe(epochs=1, batch=8, action_pace=0, seed=3)
+    trained = training.train(few, recipe, config=tiny).model
+    torch.manual_seed(3)
+    fresh = type(trained)(tiny)
+    for name, p in trained.named_parameters():
+        same = torch.equal(p, dict(fresh.named_parameters())[name])
+        assert same == name.startswith("action.") or name.endswith("key.bias"), name

@@ -83,6 +83,7 @@ def do_train(options) -> dict:
     config = configured(options.model, samples.features.shape[2], options.set or ())
     trained = training.train(
         samples, recipe, model=options.model, config=config, split=split, labelled=labelled,
+        device=options.device,
         progress=lambda epochs: bar(epochs, desc=options.model.upper(), unit=" epochs"),
     )  # fmt: skip
     checkpoint.save(options.out, trained)
@@ -230,6 +231,7 @@ def parser() -> argparse.ArgumentParser:
     train.add_argument("--set", action="append", metavar="NAME=VALUE",
                        help="a size or choice of the model, such as queries=action")  # fmt: skip
     train.add_argument("--threads", type=int, default=1, help="threads inside one training")
+    train.add_argument("--device", default="cpu", help="cpu, or a GPU such as cuda")
     train.add_argument("--out", required=True, help="safetensors file to write")
 
     test = command("evaluate", do_evaluate, "Score a trained model, in percent.")

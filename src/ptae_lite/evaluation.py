@@ -50,14 +50,16 @@ def respond(
     `change` may alter each batch first: that is how controls and conflicts are put in.
     """
     samples = torch.as_tensor(np.asarray(samples))
-    number = signal_number(signal)
+    number, device = signal_number(signal), next(trained.model.parameters()).device
     alternative = alternatives_for(len(source.frames))[samples]
     answers = []
     for i in range(0, len(samples), size):
         part = samples[i : i + size]
         signals = torch.full((len(part),), number)
-        batch: Batch = build(source, part, signals, alternative[i : i + size])
-        answers.append(trained.model(change(batch)))
+        batch: Batch = change(build(source, part, signals, alternative[i : i + size]))
+        with device:  # what the model makes itself belongs there, too
+            answer = trained.model(batch.to(device))
+        answers.append([part.cpu() for part in answer])
     return Answer(*(torch.cat(column) for column in zip(*answers, strict=True)))
 
 

@@ -83,6 +83,10 @@ class Batch:
     joints: Float[Tensor, "B 99 5"]  # action target, zero beyond the clip
     step_mask: Bool[Tensor, "B 99"]  # which steps of it count
 
+    def to(self, device) -> Batch:
+        """The same on another device."""
+        return Batch(**{name: value.to(device) for name, value in vars(self).items()})
+
 
 class Source:
     """A data set as tensors, ready to be cut into batches."""

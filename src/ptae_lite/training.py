@@ -75,7 +75,7 @@ def epoch_batches(
 
     With all samples labelled, each appears once and draws any signal. Otherwise half of every
     batch comes from the labelled list and takes signals that need a label, the other half from
-    the unlabelled samples and takes the others: every unlabelled sample appears once.
+    the unlabelled samples, in turn, and takes the others.
     """
     if labelled is None:
         order = rng.permutation(train)
@@ -83,14 +83,18 @@ def epoch_batches(
             part = order[i : i + recipe.batch]
             yield part, draw_signals(rng, len(part), recipe.supervised, mix.regular)
         return
-    half = recipe.batch // 2
-    unlabelled = rng.permutation(np.setdiff1d(train, labelled))
-    count = max(len(train) // recipe.batch, 1)
-    for i in range(count):
+    unlabelled, taken = rng.permutation(np.setdiff1d(train, labelled)), 0
+    for i in range(max(len(train) // recipe.batch, 1)):
+        half = (recipe.batch + i % 2) // 2  # an odd batch gives its odd one to each in turn
         mine = rng.choice(labelled, half, replace=len(labelled) < half)
-        others = np.take(unlabelled, np.arange(i * half, (i + 1) * half), mode="wrap")
-        signals = (draw_signals(rng, half, share, mix.limited) for share in (1.0, 0.0))
-        yield np.concatenate([mine, others]), torch.cat(list(signals))
+        rest = recipe.batch - half
+        others = np.take(unlabelled, np.arange(taken, taken + rest), mode="wrap")
+        taken += rest
+        signals = [
+            draw_signals(rng, count, share, mix.limited)
+            for count, share in ((half, 1.0), (rest, 0.0))
+        ]
+        yield np.concatenate([mine, others]), torch.cat(signals)
 
 
 def label(train: np.ndarray, share_percent: float, seed: int) -> np.ndarray:
@@ -112,6 +116,7 @@ def train(
     config=None,
     split: str = "train",
     labelled: np.ndarray | None = None,
+    device: str = "cpu",
     on_epoch=lambda epoch, trained: None,
     progress=lambda epochs: epochs,
 ) -> Trained:
@@ -123,6 +128,8 @@ def train(
         config: its sizes; the paper's if None.
         split: `train` for the final model; `fit` while settings are chosen on `held_out`.
         labelled: sample numbers that supervised signals may use; all if None.
+        device: where the arithmetic is done, such as `cuda`. Batches are drawn on the CPU, so that
+            a seed draws the same everywhere; the model comes back to the CPU.
         on_epoch: called after each epoch with its number (from 1) and the model so far.
         progress: wraps the iterator over epochs (as `tqdm` does).
 
@@ -130,9 +137,10 @@ def train(
     epoch: language, action, and in PVAE and PRAE what binds the two halves.
 
     Raises:
-        ConfigError: no such model, sizes of another one, samples that do not fill a batch,
-            labelled samples from outside the split, or labelled samples for PVAE or PRAE.
+        ConfigError: no such model, sizes of another one, no such device here, samples that do not
+            fill a batch, labelled samples from outside the split, or for PVAE or PRAE.
     """
+    check_device(device)
     if model not in MODELS:
         raise ConfigError(f"no model {model!r}; there are {', '.join(MODELS)}")
     make, make_config = MODELS[model]
@@ -156,7 +164,7 @@ def train(
     rng = np.random.default_rng(recipe.seed)
     scaling = fit_scaling(samples, indices, recipe.exponent)
     source = Source(prepare(samples, scaling))
-    network: nn.Module = make(config)
+    network: nn.Module = make(config).to(device)
     paces = (1.0, recipe.action_pace)
     mine = list(network.action.parameters())
     groups = ([p for p in network.parameters() if not any(p is q for q in mine)], mine)
@@ -186,7 +194,8 @@ def train(
         for part, signals in batches:
             alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
             batch = build(source, torch.from_numpy(part), signals, alternative, recipe.hold)
-            costs = network.costs(batch)
+            with torch.device(device):  # what a model makes itself belongs there, too
+                costs = network.costs(batch.to(device))
             optimiser.zero_grad()
             sum(w * cost for w, cost in zip(weights, costs, strict=False)).backward()
             nn.utils.clip_grad_norm_(network.parameters(), recipe.clip)
@@ -196,5 +205,16 @@ def train(
         history.append([round(x, 5) for x in (sums / len(batches)).tolist()])
         network.eval()
         on_epoch(epoch, trained)
-    network.eval()
+    network.to("cpu").eval()
     return trained
+
+
+def check_device(device: str) -> None:
+    """Raise `ConfigError` where a device cannot be used here."""
+    try:
+        torch.zeros(1, device=device)
+    except (RuntimeError, AssertionError, NotImplementedError):
+        raise ConfigError(
+            f"device {device!r} cannot be used here, or PyTorch was built without it; "
+            "train without --device to use the CPU"
+        ) from None

@@ -81,19 +81,22 @@ class BertWords(nn.Module):
             rows[i, 1 : 1 + len(words), len(TOKENS) :] = self._states(words)
         return rows
 
-    @torch.no_grad()
     def _states(self, words: tuple[int, ...]) -> Float[Tensor, "N E"]:
         if words not in self._seen:
-            text = [VOCABULARY[i] for i in words if i != EOS]
-            pieces = self._tokenizer(text, is_split_into_words=True, return_tensors="pt")
-            states = self._bert[0](**pieces).last_hidden_state[0]
-            of_word = pieces.word_ids()
-            rows = [states[:1]] if text else []  # BOS; without a sentence there is EOS alone
-            for n in range(len(text)):
-                mine = [i for i, word in enumerate(of_word) if word == n]
-                rows.append(states[mine].mean(0, keepdim=True))
-            self._seen[words] = torch.cat([*rows, states[-1:]])
+            with torch.no_grad(), torch.device("cpu"):  # where BERT stays, wherever the model is
+                self._seen[words] = self._read(words)
         return self._seen[words]
+
+    def _read(self, words: tuple[int, ...]) -> Float[Tensor, "N E"]:
+        text = [VOCABULARY[i] for i in words if i != EOS]
+        pieces = self._tokenizer(text, is_split_into_words=True, return_tensors="pt")
+        states = self._bert[0](**pieces).last_hidden_state[0]
+        of_word = pieces.word_ids()
+        rows = [states[:1]] if text else []  # BOS; without a sentence there is EOS alone
+        for n in range(len(text)):
+            mine = [i for i, word in enumerate(of_word) if word == n]
+            rows.append(states[mine].mean(0, keepdim=True))
+        return torch.cat([*rows, states[-1:]])
 
 
 def _read_bert(folder: str):
