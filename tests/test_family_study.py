@@ -122,3 +122,33 @@ def test_samples_of_a_stand_in_test_part_are_named_as_such(samples):
     theirs = replace(samples, eye="authors")
     assert samples.name == "recording" and theirs.name == "authors"
     assert replace(theirs, holdout=18).name == "authors, 18 held out"
+
+
+@pytest.fixture
+def scored():
+    return pd.DataFrame({
+        "variant": ["PTAE"] * 3 + ["PGAE"] * 3 + ["PVAE"],
+        "describe_accuracy": [97, 98, 99, 90, 91, 97, 100],
+        "execute_nrmse": [1.8, 1.9, 2.0, 2.1, 2.2, 2.3, 1.7],
+    })  # fmt: skip
+
+
+def test_one_is_clearly_better_only_with_every_seed(scored):
+    assert family.clearly_better(scored, "PTAE", "PGAE", "describe_accuracy") == "neither"
+    assert family.clearly_better(scored, "PTAE", "PGAE", "execute_nrmse") == "PTAE"
+    assert family.clearly_better(scored, "PGAE", "PTAE", "execute_nrmse") == "PTAE"
+    assert family.clearly_better(scored, "PTAE", "PVAE", "describe_accuracy") == "PVAE"
+    assert family.clearly_better(scored, "PTAE", "PRAE", "execute_nrmse") == "not run"
+
+
+def test_a_summary_names_the_spread(scored):
+    found = family.summary(scored, ["describe_accuracy"])["describe_accuracy"]
+    assert found["PTAE"] == "98.0 (97.0 to 99.0)" and found["PVAE"] == "100.0 (one seed)"
+
+
+def test_every_claim_has_a_row(scored):
+    table = scored.assign(repeat_language_accuracy=100.0, repeat_action_nrmse=2.0)
+    found = family.claims(table).set_index("claim")
+    assert list(found.index) == list(family.CLAIMS)
+    last = found.loc["PTAE converges in less than half of PGAE's updates"]
+    assert last["execute_nrmse"] == "PTAE" and last["repeat_action_nrmse"] == "neither"

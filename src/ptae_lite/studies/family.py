@@ -129,9 +129,40 @@ def study(samples: Samples, folder, variants=tuple(VARIANTS), seeds=(0, 1, 2), w
 
 
 def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
-    """Median, smallest and largest of some columns over seeds, a row a variant."""
-    groups = table.groupby("variant", sort=False)[list(columns)]
-    return groups.agg(["median", "min", "max"])
+    """Each variant's median of some columns over the seeds, with the smallest and the largest."""
+
+    def written(values: pd.Series) -> str:
+        if len(values) == 1:
+            return f"{values.iloc[0]:.1f} (one seed)"
+        return f"{values.median():.1f} ({values.min():.1f} to {values.max():.1f})"
+
+    return table.groupby("variant", sort=False)[list(columns)].agg(written)
+
+
+def clearly_better(table: pd.DataFrame, one: str, other: str, column: str) -> str:
+    """The variant that is better in `column` with every seed than the other with any; or `neither`.
+
+    Of two equal variants with three seeds each, one comes out better by chance once in ten times.
+    """
+    sign = 1 if column.endswith("accuracy") else -1
+    scores = [sign * table[table["variant"] == name][column] for name in (one, other)]
+    if not all(map(len, scores)):
+        return "not run"
+    if scores[0].min() > scores[1].max():
+        return one
+    return other if scores[1].min() > scores[0].max() else "neither"
+
+
+def claims(table: pd.DataFrame) -> pd.DataFrame:
+    """For each of `CLAIMS`, which of its two variants is clearly better, in four measures."""
+    columns = ("describe_accuracy", "repeat_language_accuracy", "execute_nrmse",
+               "repeat_action_nrmse")  # fmt: skip
+    rows = [
+        {"claim": claim, "rows": " / ".join(pair)}
+        | {column: clearly_better(table, *pair, column) for column in columns}
+        for claim, pair in CLAIMS.items()
+    ]
+    return pd.DataFrame(rows)
 
 
 def updates_to(curves: pd.DataFrame, percent: float) -> pd.DataFrame:
