@@ -11,6 +11,8 @@ from pathlib import Path
 
 from sphinx.util import logging
 
+from ptae_lite.display import viewer
+
 logger = logging.getLogger(__name__)
 
 project = "PTAE-lite"
@@ -66,14 +68,15 @@ EXTERNAL = re.compile(
 COLOUR_CODE = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def copy_mathjax(app) -> None:
-    """Take the one file of MathJax that is needed out of its package, which has 24 MB."""
+def copy_scripts(app) -> None:
+    """The two large scripts, each once: MathJax's one needed file of 24 MB, and the 3-D viewer."""
     if app.builder.format != "html":
         return
     package = Path(importlib.util.find_spec("sphinx-mathjax-offline").origin).parent
     target = Path(app.outdir, "_static", mathjax_path)
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(package / "static" / "mathjax" / "tex-svg.js", target)
+    Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(viewer.shared_script())
 
 
 def finish(app, exception) -> None:
@@ -96,5 +99,5 @@ def finish(app, exception) -> None:
 
 
 def setup(app) -> None:
-    app.connect("builder-inited", copy_mathjax)
+    app.connect("builder-inited", copy_scripts)
     app.connect("build-finished", finish)

@@ -53,6 +53,7 @@ class Panel:
         label: what is written at the one control; over several, the panel's title (each control
             then has its argument's name).
         start: the value to begin with, or a dictionary of them; otherwise the first ones.
+        labels: what is written at a control instead of its argument's name.
         describe: called like `function`, returns in a sentence what its figure shows, for those
             who cannot see it; otherwise the label and the values.
 
@@ -69,10 +70,11 @@ class Panel:
         label: str,
         *,
         start: Any = None,
+        labels: Mapping[str, str] | None = None,
         describe: Callable[..., str] | None = None,
     ):
         if isinstance(values, Mapping):
-            self.labels = {name: name.replace("_", " ") for name in values}
+            self.labels = {name: name.replace("_", " ") for name in values} | dict(labels or {})
         else:
             name = next(iter(inspect.signature(function).parameters))
             values, start = {name: values}, None if start is None else {name: start}
@@ -154,7 +156,8 @@ class Panel:
             frames.append(f"<div data-frame{hidden}>{self.face(**values)}</div>")
         return (
             f'<div data-ptae-embed="panel" role="group" aria-label="{escape(self.label)}" '
-            f'oninput="{escape(_ON_INPUT)}">{rows}{"".join(frames)}</div>'
+            f'oninput="{escape(_ON_INPUT)}">{rows}'
+            f'<div aria-live="polite">{"".join(frames)}</div></div>'
         )
 
     def _row(self, name: str) -> str:
