@@ -67,40 +67,40 @@ def line(axes, label):
 # ---------------------------------------------------------------- telling and storing
 
 
-def test_a_clip_is_told_under_every_choice_of_conflicts(trained, few):
-    told = stories.tell(trained, few, 7)
+def test_a_clip_is_told_under_every_choice_of_conflicts(trained, samples):
+    told = stories.tell(trained, samples, 7)
     assert len(told.told) == 4 * 9 and len(told.joints) == 2 * 9
     for signal in EXTRA_INPUT:
         for count, rows in told.told[told.told["signal"] == signal].groupby("conflicts"):
             aspects = [tuple(text.split()) for text in rows["aspects"]]
             assert aspects == [*conflict_sets(signal, count), *([()] if count == 0 else [])]
             assert (rows["track"] >= 0).all() == (signal not in ANSWERS_WORDS)
-    again = incongruence.story(trained, Source(trained.dataset(few)), 7, "execute", ("speed",))
+    again = incongruence.story(trained, Source(trained.dataset(samples)), 7, "execute", ("speed",))
     row = told.told[(told.told["signal"] == "execute") & (told.told["aspects"] == "speed")].iloc[0]
     np.testing.assert_allclose(told.joints[row["track"]], again["joints"], atol=1e-6)
     assert row["extra"] == again["extra"]
 
 
-def test_what_is_written_is_read_back(trained, few, tmp_path):
-    paths = stories.write(tmp_path / "new", trained, few)
+def test_what_is_written_is_read_back(trained, samples, tmp_path):
+    paths = stories.write(tmp_path / "new", trained, samples)
     assert [path.name for path in paths] == [stories.TABLE, stories.TOLD, stories.JOINTS]
-    table, told = stories.load(few, lambda name: tmp_path / "new" / name)
-    first = stories.tell(trained, few, int(few.split("test")[0]))
+    table, told = stories.load(samples, lambda name: tmp_path / "new" / name)
+    first = stories.tell(trained, samples, int(samples.split("test")[0]))
     pd.testing.assert_frame_equal(told.told, first.told, check_dtype=False)
     np.testing.assert_array_equal(told.joints, first.joints)
     np.testing.assert_array_equal(told.truth, first.truth)
-    expected = incongruence.run(trained, few).round(3)
+    expected = incongruence.run(trained, samples).round(3)
     pd.testing.assert_frame_equal(table, expected, check_dtype=False)
     before = [path.read_bytes() for path in paths]
-    stories.write(tmp_path / "new", trained, few)
+    stories.write(tmp_path / "new", trained, samples)
     assert [path.read_bytes() for path in paths] == before
 
 
-def test_the_command_stores_with_provenance(trained, few, monkeypatch, tmp_path, capsys):
+def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_path, capsys):
     noted = {}
     monkeypatch.setattr(artefacts, "stored", lambda name: name)
     monkeypatch.setattr(checkpoint, "load", lambda path: trained)
-    monkeypatch.setattr(dataset, "load", lambda name: few)
+    monkeypatch.setattr(dataset, "load", lambda name: samples)
     monkeypatch.setattr(artefacts, "DATA", tmp_path)
     monkeypatch.setattr(artefacts, "register", lambda name, **about: noted.update({name: about}))
     assert stories.main(["--out", str(tmp_path / "look")]) == 0
@@ -166,7 +166,7 @@ def test_every_position_shows_and_says_what_is_stored(panel, stored, signal, cou
         panel.description(signal=signal, conflicts=count),
     )
     x, y = line(figure.axes[0], "here")
-    assert (x[0], y[0]) == (count, mean) and f"is {mean:.1f} %" in text
+    assert (x[0], y[0]) == (count, pytest.approx(mean)) and f"is {mean:.1f} %" in text
     drawn = " ".join(one.get_text() for one in figure.axes[1].texts)
     answers = told.of(signal, count)
     assert len(answers) == (2, 3, 3, 1)[count]

@@ -11,7 +11,6 @@ import base64
 import inspect
 import io
 import json
-import os
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
@@ -23,6 +22,7 @@ import ipywidgets
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
+from ptae_lite.display import is_static
 from ptae_lite.errors import PTAEError
 
 # Runs when any control of the panel moves: shows the one frame that belongs to their positions.
@@ -90,7 +90,7 @@ class Panel:
         # Drawn now and not when shown: of an error raised while showing, IPython prints the
         # traceback, but the cell counts as passed.
         self.face(**self.start)
-        self._static = self.html() if os.environ.get("PTAE_STATIC") == "1" else None
+        self._static = self.html() if is_static() else None
 
     def frame(self, **values) -> Any:
         """What the function returns for these values, which must be among those of the panel."""

@@ -89,7 +89,7 @@ def _words(said) -> str:
 
 def _draw(axes, table: pd.DataFrame, mark: float | None = None) -> None:
     mean = table.groupby("share")[list(SCORES)].mean()
-    seeds = table.groupby("share").size().max()
+    seeds = int(table.groupby("share").size().max())
     for axis, column in zip(axes, SCORES, strict=True):
         axis.plot(mean.index, mean[column], "o-", label=f"ours, {_seeds(seeds)}")
         if seeds > 1:

@@ -11,7 +11,6 @@ import base64
 import html
 import io
 import json
-import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
+from ptae_lite.display import is_static
 from ptae_lite.errors import PTAEError
 
 SHARED_SCRIPT = "_static/scene.js"  # from the site's root
@@ -97,7 +97,7 @@ class Viewer:
 
     def _repr_html_(self) -> str:
         """In a notebook a frame with all in it; on the site (`PTAE_STATIC=1`) with a still."""
-        static = os.environ.get("PTAE_STATIC") == "1"
+        static = is_static()
         title, page = html.escape(self.title), html.escape(self.html(shared=static))
         # A notebook's page is closed off. The site's own takes the script and the theme from it.
         closed = "" if static else 'sandbox="allow-scripts" '
