@@ -9,6 +9,7 @@ import re
 import shutil
 from pathlib import Path
 
+from docutils import nodes
 from sphinx.util import logging
 
 from ptae_lite.display import viewer
@@ -17,7 +18,7 @@ logger = logging.getLogger(__name__)
 
 project = "PTAE-lite"
 author = copyright = "PTAE-lite authors"
-extensions = ["myst_nb"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 # A chapter is a pair; the site is built from the source, and the .ipynb twin is left alone.
 exclude_patterns = ["*.ipynb", "**/*.ipynb", "**/.ipynb_checkpoints", "_build"]
 
@@ -47,7 +48,15 @@ myst_heading_anchors = 3
 mathjax_path = "vendor/tex-svg.js"
 mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load parts from elsewhere
 
+# --- the library's reference, from its docstrings
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+napoleon_use_rtype = False
+
 # --- the site
+html_static_path = ["_static"]
+html_css_files = ["book.css"]
+html_show_search_summary = False  # it would fetch pages, which a browser forbids in a folder
 html_theme = "sphinx_book_theme"
 html_title = "PTAE-lite"
 html_theme_options = {
@@ -65,6 +74,8 @@ EXTERNAL = re.compile(
     r"(?:https?:)?//[^\s\"'>]+",
     re.IGNORECASE,
 )
+FACTS = re.compile(r"^(Time|Prerequisites|You will learn|After this chapter you can):?")
+SECTION = re.compile(r"^(Args|Raises|Returns|Yields):$")
 COLOUR_CODE = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -79,10 +90,57 @@ def copy_scripts(app) -> None:
     Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(viewer.shared_script())
 
 
+def as_rst(app, what, name, obj, options, lines) -> None:
+    """Docstrings are plain text in which `x` is code and what is set apart is a formula."""
+    made, literal, before = [], False, ""
+    for line in lines:
+        indented = line.startswith("    ")
+        if indented and not literal and not before and not SECTION.match(last_text(made)):
+            made += ["::", ""]
+            literal = True
+        literal = literal and (indented or not line)
+        made.append(line if literal else inline_as_rst(line))
+        before = line
+    lines[:] = made
+
+
+def last_text(lines: list) -> str:
+    return next((line for line in reversed(lines) if line.strip()), "")
+
+
+def inline_as_rst(line: str) -> str:
+    parts = line.split("`")
+    parts[::2] = [re.sub(r"([*|\\]|_(?=\W|$))", r"\\\1", part) for part in parts[::2]]
+    return "``".join(parts)
+
+
+def mark_facts(app, doctree) -> None:
+    """Set what a chapter says of itself, its time and what it needs, apart from its text."""
+    for paragraph in list(doctree.findall(nodes.paragraph)):
+        first = paragraph[0] if len(paragraph) else None
+        if isinstance(first, nodes.strong) and FACTS.match(first.astext()):
+            paragraph["classes"].append("facts")
+            after = paragraph.next_node(descend=False, siblings=True)
+            if isinstance(after, nodes.bullet_list):
+                after["classes"].append("facts")
+
+
+def offer_notebook(app, pagename, templatename, context, doctree) -> None:
+    """The download button of a chapter gives its .ipynb twin as well as its source."""
+    if Path(app.srcdir, f"{pagename}.ipynb").exists():
+        context["ipynb_source"] = f"{pagename}.ipynb"
+
+
+def copy_notebooks(app) -> None:
+    for twin in Path(app.srcdir).glob("[0-9]*.ipynb"):
+        shutil.copyfile(twin, Path(app.outdir, "_sources", twin.name))
+
+
 def finish(app, exception) -> None:
     """Record each chapter's run time and errors, and look for pages that need the network."""
     if exception is not None or app.builder.format != "html":
         return
+    copy_notebooks(app)
     record = {}
     for name, metadata in app.env.nb_metadata.items():
         run = metadata.get("exec_data")
@@ -100,4 +158,7 @@ def finish(app, exception) -> None:
 
 def setup(app) -> None:
     app.connect("builder-inited", copy_scripts)
+    app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon reads them
+    app.connect("doctree-read", mark_facts)
+    app.connect("html-page-context", offer_notebook, priority=400)  # before the theme's buttons
     app.connect("build-finished", finish)
