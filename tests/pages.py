@@ -12,6 +12,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 SITE = ROOT / "build" / "html"
 SHOTS = ROOT / "build" / "screenshots"
+PART_PX = 4000  # of a screenshot; longer pages come in parts
 WIDTHS = {"laptop": (1280, 800), "phone": (390, 844)}
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = [
@@ -106,7 +107,5 @@ def keep(page, name: str) -> None:
     width = page.viewport_size["width"]
     for part, top in enumerate(range(0, height, PART_PX)):
         clip = {"x": 0, "y": top, "width": width, "height": min(PART_PX, height - top)}
-        page.screenshot(path=SHOTS / f"{name}-{part:02}.png", full_page=True, clip=clip)
-
-
-PART_PX = 4000
+        path = SHOTS / f"{name}-{part:02}.jpg"
+        page.screenshot(path=path, type="jpeg", quality=75, full_page=True, clip=clip)

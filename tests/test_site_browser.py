@@ -1,10 +1,11 @@
 """The built site in Chromium, offline and from its folder: pages, scenes, panels, print, search."""
 
+import json
 from itertools import product
 
 import numpy as np
 import pytest
-from pages import SHOTS, chromium, go, keep, opened, page_names, pixels, stale
+from pages import SHOTS, SITE, chromium, go, keep, opened, page_names, pixels, stale
 
 PAGES = page_names()
 SCENE = 'iframe[data-ptae-embed="scene"]'
@@ -22,8 +23,6 @@ def browser():
 
 def with_embeds(selector):
     """Pages that have scenes or panels, by their source."""
-    from pages import SITE
-
     mark = {SCENE: 'data-ptae-embed="scene"', PANEL: 'data-ptae-embed="panel"'}[selector]
     return [name for name in PAGES if mark in (SITE / name).read_text(encoding="utf-8")]
 
@@ -177,7 +176,7 @@ def controls_of(panel):
     found = []
     for row in panel.locator("[data-values]").all():
         control = row.locator("input, select")
-        found.append((row, control, len(eval(row.get_attribute("data-values")))))
+        found.append((row, control, len(json.loads(row.get_attribute("data-values")))))
     return found
 
 
@@ -203,7 +202,7 @@ def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
                 for (row, control, _), position in zip(controls, positions, strict=True):
                     if int(control.input_value()) != position:
                         put(control, position)
-                    values = eval(row.get_attribute("data-values"))
+                    values = json.loads(row.get_attribute("data-values"))
                     if row.locator("output").count():
                         assert row.locator("output").inner_text() == values[position]
                         assert control.get_attribute("aria-valuetext") == values[position]
@@ -263,7 +262,7 @@ def test_a_page_prints_with_stills_in_the_place_of_scenes(browser):
 
 def test_without_scripts_there_is_a_still(browser):
     with opened(browser, java_script_enabled=False) as page:
-        page.goto((stale.__globals__["SITE"] / "01_simulation.html").as_uri())
+        page.goto((SITE / "01_simulation.html").as_uri())
         assert page.locator(".ptae-still img").first.is_visible()
         assert not page.locator(SCENE).first.is_visible()
 

@@ -32,7 +32,7 @@ def chapter(md: Path) -> Chapter:
     if not title or not facts:
         raise PTAEError(f"{md.name} needs a title, and lines **Time:** and **Prerequisites:**")
     time, needs = (" ".join(fact.split()).rstrip(".") for fact in facts.groups())
-    return Chapter(md.stem, title[1], time.split(". ")[0], needs)
+    return Chapter(md.stem, title[1], time.split(". ")[0].split(" of ")[0], needs)
 
 
 class Contents:
