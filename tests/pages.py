@@ -2,6 +2,7 @@
 
 import io
 import shutil
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -86,13 +87,21 @@ def opened(browser, width="laptop", theme="light", **options):
         yield page
     finally:
         context.close()
-    assert wrong == []
+    assert not wrong, "\n".join(wrong)
 
 
 def go(page, name: str) -> None:
     page.goto((SITE / name).as_uri() if "?" not in name else f"{SITE.as_uri()}/{name}")
     page.wait_for_load_state("load")
     page.evaluate("window.MathJax?.startup?.promise")
+
+
+def until(condition, seconds: float = 20, message: str = "it did not happen") -> None:
+    """Wait until something is so: machines differ in how soon they draw."""
+    ends = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < ends, message
+        time.sleep(0.05)
 
 
 def pixels(locator) -> np.ndarray:

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from pages import SHOTS, SITE, chromium, go, keep, opened, page_names, pixels, stale
+from pages import SHOTS, SITE, chromium, go, keep, opened, page_names, pixels, stale, until
 
 PAGES = page_names()
 SCENE = 'iframe[data-ptae-embed="scene"]'
@@ -71,6 +71,15 @@ def ready(iframe):
     return scene
 
 
+def colours(picture):
+    return len(np.unique(picture.reshape(-1, 3), axis=0))
+
+
+def changed(picture, before):
+    """How many pixels became others."""
+    return int((np.abs(picture - before).max(-1) > 40).sum())
+
+
 def frame_number(scene):
     return int(scene.locator("#frame").input_value())
 
@@ -78,18 +87,17 @@ def frame_number(scene):
 def check_scene(page, iframe):
     """It draws something, moves when played, stops, and follows the slider and the speed."""
     scene = ready(iframe)
-    page.wait_for_timeout(200)
-    drawn = pixels(scene.locator("#pane"))
-    assert len(np.unique(drawn.reshape(-1, 3), axis=0)) > 100  # the arm, not an empty pane
+    pane = scene.locator("#pane")
+    until(lambda: colours(pixels(pane)) > 100, message="the pane stays empty")
+    drawn = pixels(pane)
     last = int(scene.locator("#frame").get_attribute("max"))
     scene.locator("#speed").select_option("1")
     scene.locator("#play").click()
     assert scene.locator("#play").inner_text() == "Pause"
-    page.wait_for_timeout(700)
+    until(lambda: frame_number(scene) > 0, message="it does not play")
     scene.locator("#play").click()
     assert scene.locator("#play").inner_text() == "Play"
     reached = frame_number(scene)
-    assert reached > 0
     page.wait_for_timeout(200)
     assert frame_number(scene) == reached  # it rests
     scene.locator("#frame").focus()
@@ -99,9 +107,7 @@ def check_scene(page, iframe):
         page.keyboard.press("ArrowRight")
     assert frame_number(scene) == 2
     scene.locator("#frame").fill(str(last // 2))
-    page.wait_for_timeout(200)
-    moved = np.abs(pixels(scene.locator("#pane")) - drawn).max(-1) > 40
-    assert moved.sum() > 300  # the arm is elsewhere
+    until(lambda: changed(pixels(pane), drawn) > 300, message="the arm is not elsewhere")
     assert scene.locator("#pane").get_attribute("aria-label") == iframe.get_attribute("title")
     assert f"frame {last // 2}" in scene.locator("#frame").get_attribute("aria-valuetext")
 
@@ -123,7 +129,7 @@ def test_the_camera_view_follows_the_frames(browser):
         scene = ready(page.locator(SCENE).first)
         before = pixels(scene.locator("#eye canvas"))
         scene.locator("#frame").fill("44")
-        assert (np.abs(pixels(scene.locator("#eye canvas")) - before).max(-1) > 40).sum() > 300
+        assert changed(pixels(scene.locator("#eye canvas")), before) > 300
 
 
 def test_a_slower_speed_is_slower(browser):
@@ -134,7 +140,7 @@ def test_a_slower_speed_is_slower(browser):
             scene.locator("#frame").fill("0")
             scene.locator("#speed").select_option(speed)
             scene.locator("#play").click()
-            page.wait_for_timeout(800)
+            page.wait_for_timeout(1500)
             scene.locator("#play").click()
             reached[speed] = frame_number(scene)
         assert reached["2"] > 2 * reached["0.25"] > 0
@@ -144,13 +150,10 @@ def test_a_scene_follows_the_theme(browser):
     with opened(browser) as page:
         go(page, "01_simulation.html")
         scene = ready(page.locator(SCENE).first)
-        page.wait_for_timeout(200)
-        corner = {}
-        for theme in ("light", "dark"):
-            page.evaluate("theme => { document.documentElement.dataset.theme = theme; }", theme)
-            page.wait_for_timeout(300)
-            corner[theme] = pixels(scene.locator("#pane"))[5, 5].mean()
-        assert corner["light"] > 200 and corner["dark"] < 100
+        pane = scene.locator("#pane")
+        until(lambda: pixels(pane)[5, 5].mean() > 200, message="it is not light")
+        page.evaluate("document.documentElement.dataset.theme = 'dark'")
+        until(lambda: pixels(pane)[5, 5].mean() < 100, message="it is not dark")
 
 
 def test_the_arm_on_the_front_page_plays_by_itself_unless_motion_is_unwanted(browser):
@@ -163,8 +166,7 @@ def test_the_arm_on_the_front_page_plays_by_itself_unless_motion_is_unwanted(bro
         page.emulate_media(reduced_motion="no-preference")
         go(page, "index.html")
         scene = ready(page.locator(f"{SCENE}:visible").first)
-        page.wait_for_timeout(500)
-        assert frame_number(scene) > 0
+        until(lambda: frame_number(scene) > 0, message="it does not play")
         assert scene.locator("#play").inner_text() == "Pause"
 
 
@@ -261,10 +263,12 @@ def test_a_page_prints_with_stills_in_the_place_of_scenes(browser):
 
 
 def test_without_scripts_there_is_a_still(browser):
-    with opened(browser, java_script_enabled=False) as page:
-        page.goto((SITE / "01_simulation.html").as_uri())
-        assert page.locator(".ptae-still img").first.is_visible()
-        assert not page.locator(SCENE).first.is_visible()
+    context = browser.new_context(offline=True, java_script_enabled=False)
+    page = context.new_page()
+    page.goto((SITE / "01_simulation.html").as_uri(), wait_until="commit")
+    page.locator(".ptae-still img").first.wait_for(state="visible")
+    assert not page.locator(SCENE).first.is_visible()
+    context.close()
 
 
 def test_the_search_finds_words_of_the_chapters(browser):

@@ -126,12 +126,14 @@ class Panel:
         """The live face: a control per argument, and the frame below."""
         controls = {}
         for name, allowed in self.values.items():
-            kind = ipywidgets.SelectionSlider if _all_numbers(allowed) else ipywidgets.Dropdown
+            slides = _all_numbers(allowed)
+            kind = ipywidgets.SelectionSlider if slides else ipywidgets.Dropdown
             controls[name] = kind(
                 options=[(_text(value), value) for value in allowed],
                 value=self.start[name],
                 description=self.labels[name],
                 style={"description_width": "initial"},
+                layout={"width": "min(34rem, 100%)" if slides else "max-content"},
             )
         view = ipywidgets.HTML(self.face(**self.start))
 
