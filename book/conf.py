@@ -10,6 +10,7 @@ import shutil
 from pathlib import Path
 
 from docutils import nodes
+from sphinx import addnodes
 from sphinx.util import logging
 
 from ptae_lite.display import viewer
@@ -76,6 +77,7 @@ EXTERNAL = re.compile(
     re.IGNORECASE,
 )
 FACTS = re.compile(r"^(Time|Prerequisites|You will learn|After this chapter you can):?")
+CHAPTER = re.compile(r"\b[Cc]hapter (\d\d)\b")
 SECTION = re.compile(r"^(Args|Raises|Returns|Yields):$")
 COLOUR_CODE = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -126,6 +128,26 @@ def mark_facts(app, doctree) -> None:
                 after["classes"].append("facts")
 
 
+def link_chapters(app, doctree) -> None:
+    """Where a page says "chapter 03", it leads there; in a notebook it stays plain text."""
+    files = {path.stem[:2]: path.stem for path in Path(app.srcdir).glob("[0-9][0-9]_*.md")}
+    for text in list(doctree.findall(nodes.Text)):
+        inside = text.parent
+        if not isinstance(inside, (nodes.paragraph, nodes.emphasis, nodes.strong)):
+            continue
+        parts, end = [], 0
+        for found in CHAPTER.finditer(text):
+            stem = files.get(found[1])
+            if stem in (None, app.env.docname):
+                continue
+            link = {"refdomain": "std", "reftype": "doc", "refexplicit": True, "reftarget": stem}
+            leads = addnodes.pending_xref("", nodes.inline("", found[0]), **link)
+            parts += [nodes.Text(text[end : found.start()]), leads]
+            end = found.end()
+        if parts:
+            inside.replace(text, [*parts, nodes.Text(text[end:])])
+
+
 def offer_notebook(app, pagename, templatename, context, doctree) -> None:
     """The download button of a chapter gives its .ipynb twin as well as its source."""
     if Path(app.srcdir, f"{pagename}.ipynb").exists():
@@ -161,5 +183,6 @@ def setup(app) -> None:
     app.connect("builder-inited", copy_scripts)
     app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon reads them
     app.connect("doctree-read", mark_facts)
+    app.connect("doctree-read", link_chapters)
     app.connect("html-page-context", offer_notebook, priority=400)  # before the theme's buttons
     app.connect("build-finished", finish)

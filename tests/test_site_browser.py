@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 from pages import SHOTS, SITE, chromium, go, keep, opened, page_names, pixels, stale, until
 
+from ptae_lite import dataset
+from ptae_lite.display import scene3d
+
 PAGES = page_names()
 SCENE = 'iframe[data-ptae-embed="scene"]'
 PANEL = '[data-ptae-embed="panel"]'
@@ -123,6 +126,17 @@ def test_every_scene_draws_and_moves_when_played(browser, name):
             assert iframe.content_frame.locator("#words").inner_text().startswith("Left cube: ")
 
 
+def test_a_saved_scene_is_a_page_of_its_own(browser, tmp_path):
+    samples = dataset.load("recording")
+    scene3d.sample_scene(samples, 90, eye=True).save(tmp_path / "scene.html")
+    with opened(browser) as page:
+        page.goto((tmp_path / "scene.html").as_uri())
+        page.locator("#clock").filter(has_text="frame").wait_for(timeout=60_000)
+        until(lambda: colours(pixels(page.locator("#pane"))) > 100)
+        page.locator("#play").click()
+        until(lambda: int(page.locator("#frame").input_value()) > 0)
+
+
 def test_the_camera_view_follows_the_frames(browser):
     with opened(browser) as page:
         go(page, "01_simulation.html")
@@ -188,8 +202,9 @@ def put(control, position):
         control.select_option(str(position))
         return
     control.focus()
-    control.press("Home")
-    for _ in range(position):
+    if int(control.input_value()) > position:
+        control.press("Home")
+    for _ in range(position - int(control.input_value())):
         control.press("ArrowRight")
 
 
