@@ -120,7 +120,7 @@ def inline_as_rst(line: str) -> str:
 def mark_facts(app, doctree) -> None:
     """Set what a chapter says of itself, its time and what it needs, apart from its text."""
     for paragraph in list(doctree.findall(nodes.paragraph)):
-        first = paragraph[0] if len(paragraph) else None
+        first = next((part for part in paragraph if part.astext()), None)
         if isinstance(first, nodes.strong) and FACTS.match(first.astext()):
             paragraph["classes"].append("facts")
             after = paragraph.next_node(descend=False, siblings=True)

@@ -33,7 +33,7 @@ def stale(site: Path = SITE) -> str:
     index = site / "index.html"
     if not index.exists():
         return "there is no built site; python3 run.py book makes it"
-    sources = [*ROOT.glob("book/*.md"), ROOT / "book/conf.py", *ROOT.glob("book/_static/*")]
+    sources = [*ROOT.glob("book/**/*.md"), ROOT / "book/conf.py", *ROOT.glob("book/_static/*")]
     sources += [path for path in ROOT.glob("src/ptae_lite/**/*") if path.suffix in (".py", ".js")]
     newest = max(sources, key=lambda path: path.stat().st_mtime)
     if newest.stat().st_mtime > index.stat().st_mtime:

@@ -123,6 +123,19 @@ def test_a_chapter_can_be_downloaded_as_a_notebook(md):
 
 
 @pytest.mark.built
+@pytest.mark.parametrize("md", pairs.chapters(BOOK), ids=lambda md: md.stem)
+def test_a_chapter_sets_apart_what_it_takes_and_links_to_the_others(md):
+    html = (SITE / f"{md.stem}.html").read_text("utf-8")
+    assert '<p class="facts"><strong>Time:' in html
+    assert '<p class="facts"><strong>' in html.split("<strong>Time:")[0]  # the objectives
+    others = {f"{other.stem}.html" for other in pairs.chapters(BOOK) if other != md}
+    body = html.split("<article")[1].split("</article")[0]
+    named = {n for n in re.findall(r"[Cc]hapter (\d\d)", md.read_text("utf-8")) if n != md.stem[:2]}
+    linked = {name[:2] for name in others if f'href="{name}"' in body}
+    assert named <= linked | {n for n in named if not any(o.startswith(n) for o in others)}
+
+
+@pytest.mark.built
 def test_the_front_page_lists_every_chapter_with_what_it_takes():
     text = " ".join(" ".join(page("index.html").text).split())
     for number, one in enumerate(contents.Contents(BOOK).chapters, start=1):
@@ -167,7 +180,8 @@ def test_the_table_of_contents_links_and_escapes(tmp_path):
 
 
 def test_the_reference_has_every_module_of_the_library():
-    listed = set(re.findall(r"automodule:: ([\w.]+)", (BOOK / "api.md").read_text("utf-8")))
+    pages = "".join(path.read_text("utf-8") for path in (BOOK / "api").glob("*.md"))
+    listed = set(re.findall(r"automodule:: ([\w.]+)", pages))
     there = {
         "ptae_lite." + ".".join(path.relative_to(SOURCE).with_suffix("").parts)
         for path in SOURCE.rglob("*.py") if not path.stem.startswith("__")

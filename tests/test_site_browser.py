@@ -51,6 +51,7 @@ def test_a_page_opens_without_a_network_and_fits_its_width(browser, name, width)
             scroll_through(page)
             for iframe in page.locator(f"{SCENE}:visible").all():
                 ready(iframe)
+            page.evaluate("window.scrollTo(0, 0)")
             broken = page.evaluate("""[...document.images]
               .filter(one => one.checkVisibility() && !(one.complete && one.naturalWidth))
               .map(one => one.src.slice(0, 100))""")
@@ -60,7 +61,7 @@ def test_a_page_opens_without_a_network_and_fits_its_width(browser, name, width)
               !one.closest('.cell_output, pre, table, mjx-container, .MathJax')).map(
               one => one.outerHTML.slice(0, 100))""")
             assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, wide[:3]
-            keep(page, f"{name.removesuffix('.html')}-{width}-{theme}")
+            keep(page, f"{name.removesuffix('.html').replace('/', '-')}-{width}-{theme}")
 
 
 # ---------------------------------------------------------------- scenes
