@@ -2,7 +2,7 @@
 """Make the environment in .venv/, then do one job of the book.
 
     python3 run.py book               run every chapter and build the site into build/html
-    python3 run.py test [-- ARGS]     unit tests (ARGS go to pytest), then every notebook
+    python3 run.py test [-- ARGS]     the book, unit tests, every notebook; or pytest with ARGS
     python3 run.py lab [-- ARGS]      open the chapters in JupyterLab (ARGS go to it)
     python3 run.py notebooks [NAME]   write the .ipynb twins of the chapters, with their outputs
 
@@ -193,15 +193,20 @@ def book(python: Path, env: dict, args: argparse.Namespace) -> int:
 
 
 def test(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Unit tests, then every notebook."""
-    pytest = [python, "-m", "pytest", "--durations=10"]
-    units = call([*pytest, "--junitxml=build/junit-unit.xml", *args.extra], env)
+    """The book, unit tests and pages in a browser, every notebook; with ARGS those tests alone."""
+    pytest = [python, "-m", "pytest", "--durations=10", "-rs"]  # with the reason of each skip
+    units = [*pytest, "--junitxml=build/junit-unit.xml", *args.extra]
+    if args.extra:
+        return 1 if call(units, env) else 0
+    results = {"book": book(python, env, args)}  # first: the browser looks at what it built
+    results["unit tests"] = call(units, env)
     # loadfile: the cells of one notebook share a kernel, so they must stay with one worker.
     nbval = ["--nbval-lax", "--nbval-cell-timeout=300", "-n", "2", "--dist", "loadfile"]
-    books = call([*pytest, *nbval, "--junitxml=build/junit-notebooks.xml", "book"], env)
-    for name, status in (("unit tests", units), ("notebooks", books)):
+    notebooks = [*pytest, *nbval, "--junitxml=build/junit-notebooks.xml", "book"]
+    results["notebooks"] = call(notebooks, env)
+    for name, status in results.items():
         say(f"{name}: {'passed' if status == 0 else 'FAILED'}")
-    return 1 if units or books else 0
+    return 1 if any(results.values()) else 0
 
 
 def lab(python: Path, env: dict, args: argparse.Namespace) -> int:

@@ -9,13 +9,17 @@ import re
 import shutil
 from pathlib import Path
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.util import logging
+
+from ptae_lite.display import viewer
 
 logger = logging.getLogger(__name__)
 
 project = "PTAE-lite"
 author = copyright = "PTAE-lite authors"
-extensions = ["myst_nb"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 # A chapter is a pair; the site is built from the source, and the .ipynb twin is left alone.
 exclude_patterns = ["*.ipynb", "**/*.ipynb", "**/.ipynb_checkpoints", "_build"]
 
@@ -45,7 +49,16 @@ myst_heading_anchors = 3
 mathjax_path = "vendor/tex-svg.js"
 mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load parts from elsewhere
 
+# --- the library's reference, from its docstrings
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+napoleon_use_rtype = False
+
 # --- the site
+html_static_path = ["_static"]
+html_css_files = ["book.css"]
+html_use_index = html_domain_indices = False  # the search does their work
+html_show_search_summary = False  # it would fetch pages, which a browser forbids in a folder
 html_theme = "sphinx_book_theme"
 html_title = "PTAE-lite"
 html_theme_options = {
@@ -63,23 +76,94 @@ EXTERNAL = re.compile(
     r"(?:https?:)?//[^\s\"'>]+",
     re.IGNORECASE,
 )
+FACTS = re.compile(r"^(Time|Prerequisites|You will learn|After this chapter you can):?")
+CHAPTER = re.compile(r"\b[Cc]hapter (\d\d)\b")
+SECTION = re.compile(r"^(Args|Raises|Returns|Yields):$")
 COLOUR_CODE = re.compile(r"\x1b\[[0-9;]*m")
 
 
-def copy_mathjax(app) -> None:
-    """Take the one file of MathJax that is needed out of its package, which has 24 MB."""
+def copy_scripts(app) -> None:
+    """The two large scripts, each once: MathJax's one needed file of 24 MB, and the 3-D viewer."""
     if app.builder.format != "html":
         return
     package = Path(importlib.util.find_spec("sphinx-mathjax-offline").origin).parent
     target = Path(app.outdir, "_static", mathjax_path)
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(package / "static" / "mathjax" / "tex-svg.js", target)
+    Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(viewer.shared_script())
+
+
+def as_rst(app, what, name, obj, options, lines) -> None:
+    """Docstrings are plain text in which `x` is code and what is set apart is a formula."""
+    made, literal, before = [], False, ""
+    for line in lines:
+        indented = line.startswith("    ")
+        if indented and not literal and not before and not SECTION.match(last_text(made)):
+            made += ["::", ""]
+            literal = True
+        literal = literal and (indented or not line)
+        made.append(line if literal else inline_as_rst(line))
+        before = line
+    lines[:] = made
+
+
+def last_text(lines: list) -> str:
+    return next((line for line in reversed(lines) if line.strip()), "")
+
+
+def inline_as_rst(line: str) -> str:
+    parts = line.split("`")
+    parts[::2] = [re.sub(r"([*|\\]|_(?=\W|$))", r"\\\1", part) for part in parts[::2]]
+    return "``".join(parts)
+
+
+def mark_facts(app, doctree) -> None:
+    """Set what a chapter says of itself, its time and what it needs, apart from its text."""
+    for paragraph in list(doctree.findall(nodes.paragraph)):
+        first = next((part for part in paragraph if part.astext()), None)
+        if isinstance(first, nodes.strong) and FACTS.match(first.astext()):
+            paragraph["classes"].append("facts")
+            after = paragraph.next_node(descend=False, siblings=True)
+            if isinstance(after, nodes.bullet_list):
+                after["classes"].append("facts")
+
+
+def link_chapters(app, doctree) -> None:
+    """Where a page says "chapter 03", it leads there; in a notebook it stays plain text."""
+    files = {path.stem[:2]: path.stem for path in Path(app.srcdir).glob("[0-9][0-9]_*.md")}
+    for text in list(doctree.findall(nodes.Text)):
+        inside = text.parent
+        if not isinstance(inside, (nodes.paragraph, nodes.emphasis, nodes.strong)):
+            continue
+        parts, end = [], 0
+        for found in CHAPTER.finditer(text):
+            stem = files.get(found[1])
+            if stem in (None, app.env.docname):
+                continue
+            link = {"refdomain": "std", "reftype": "doc", "refexplicit": True, "reftarget": stem}
+            leads = addnodes.pending_xref("", nodes.inline("", found[0]), **link)
+            parts += [nodes.Text(text[end : found.start()]), leads]
+            end = found.end()
+        if parts:
+            inside.replace(text, [*parts, nodes.Text(text[end:])])
+
+
+def offer_notebook(app, pagename, templatename, context, doctree) -> None:
+    """The download button of a chapter gives its .ipynb twin as well as its source."""
+    if Path(app.srcdir, f"{pagename}.ipynb").exists():
+        context["ipynb_source"] = f"{pagename}.ipynb"
+
+
+def copy_notebooks(app) -> None:
+    for twin in Path(app.srcdir).glob("[0-9]*.ipynb"):
+        shutil.copyfile(twin, Path(app.outdir, "_sources", twin.name))
 
 
 def finish(app, exception) -> None:
     """Record each chapter's run time and errors, and look for pages that need the network."""
     if exception is not None or app.builder.format != "html":
         return
+    copy_notebooks(app)
     record = {}
     for name, metadata in app.env.nb_metadata.items():
         run = metadata.get("exec_data")
@@ -96,5 +180,9 @@ def finish(app, exception) -> None:
 
 
 def setup(app) -> None:
-    app.connect("builder-inited", copy_mathjax)
+    app.connect("builder-inited", copy_scripts)
+    app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon reads them
+    app.connect("doctree-read", mark_facts)
+    app.connect("doctree-read", link_chapters)
+    app.connect("html-page-context", offer_notebook, priority=400)  # before the theme's buttons
     app.connect("build-finished", finish)

@@ -16,6 +16,11 @@ FEATURES = 6
 EYE = "e" * 64
 
 
+def pytest_addoption(parser):
+    parser.addoption("--lab", choices=("two", "all"), default="two",
+                     help="how many chapters are tried in JupyterLab")  # fmt: skip
+
+
 @pytest.fixture
 def unchecked():
     """Annotations are not checked: what a reader meets, who runs the library without the hook."""

@@ -216,21 +216,30 @@ def test_the_book_says_what_to_open_or_that_it_failed(status, calls, root, monke
     assert (str(Path("build", "html", "index.html")) in out) == (status == 0)
 
 
+@pytest.mark.parametrize("site", [0, 1])
 @pytest.mark.parametrize("units", [0, 1])
 @pytest.mark.parametrize("books", [0, 5])  # 5: no test was found
-def test_both_phases_run_and_either_can_fail(units, books, calls, monkeypatch, capsys):
+def test_all_phases_run_and_any_can_fail(site, units, books, calls, monkeypatch, capsys):
     def pytest_call(command, env):
         calls.append(command)
         return books if "--nbval-lax" in command else units
 
     monkeypatch.setattr(run, "call", pytest_call)
-    assert run.test("py", {}, run.parse(["test", "--", "-k", "words"])) == int(bool(units or books))
-    assert len(calls) == 2
-    assert "-k" in calls[0] and "-k" not in calls[1]
-    for name, command in zip(("unit", "notebooks"), calls, strict=True):
+    monkeypatch.setattr(run, "book", lambda python, env, args: calls.append(["book"]) or site)
+    assert run.test("py", {}, run.parse(["test"])) == int(bool(site or units or books))
+    assert len(calls) == 3 and calls[0] == ["book"]
+    for name, command in zip(("unit", "notebooks"), calls[1:], strict=True):
         assert f"--junitxml=build/junit-{name}.xml" in command
         assert "--durations=10" in command
-    assert capsys.readouterr().out.count("FAILED") == bool(units) + bool(books)
+    assert capsys.readouterr().out.count("FAILED") == bool(site) + bool(units) + bool(books)
+
+
+@pytest.mark.parametrize("status", [0, 5])
+def test_with_arguments_only_those_tests_run(status, calls, monkeypatch):
+    monkeypatch.setattr(run, "call", lambda command, env: calls.append(command) or status)
+    assert run.test("py", {}, run.parse(["test", "--", "-k", "words"])) == bool(status)
+    (command,) = calls
+    assert command[-2:] == ["-k", "words"] and "--nbval-lax" not in command
 
 
 def test_jupyterlab_is_reachable_from_this_machine_only(calls):

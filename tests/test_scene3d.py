@@ -1,6 +1,7 @@
 """The recorded 3-D scene: what the page holds is what was given, and nothing leaves it."""
 
 import base64
+import io
 import json
 import re
 import subprocess
@@ -10,8 +11,10 @@ import zlib
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from ptae_lite.display import scene3d
+from ptae_lite import dataset
+from ptae_lite.display import scene3d, viewer
 from ptae_lite.errors import PTAEError
 from ptae_lite.robot import arm
 
@@ -34,6 +37,11 @@ def sequence():
     return joints_rad, cubes
 
 
+def film():
+    """A camera picture, all of one grey, from every fourth frame on."""
+    return {t: np.full((120, 160, 3), t, np.uint8) for t in range(0, FRAMES, 4)}
+
+
 def make(**changes):
     joints_rad, cubes = sequence()
     given = {"joints_rad": joints_rad, "cubes": cubes, "colours": ("red", "blue")} | changes
@@ -46,11 +54,11 @@ def unpacked(page, part):
 
 
 def poses_in(page):
-    """The (T, M, 4, 4) poses and the M paths, read back from a page as its script reads them."""
+    """The (T, M, 3, 4) poses and the M paths, read back from a page as its script reads them."""
     scene = json.loads(unpacked(page, "scene"))
-    stored = np.frombuffer(unpacked(page, "poses"), "<f4")
-    stored = stored.reshape(scene["last"] + 1, len(scene["moving"]), 4, 4)
-    return stored.swapaxes(-1, -2), scene["moving"]
+    steps = np.frombuffer(unpacked(page, "moves"), "<i2").astype(int)
+    steps = steps.reshape(len(scene["moving"]), 3, 4, scene["last"] + 1)
+    return np.moveaxis(steps.cumsum(-1), -1, 0) * scene["unit"], scene["moving"]
 
 
 def placed(page):
@@ -69,7 +77,7 @@ def test_two_builds_are_the_same_bytes():
 
 def test_building_takes_less_than_a_second():
     start_s = time.perf_counter()
-    make().html()
+    make(eye=film(), ghost_joints_rad=sequence()[0])._repr_html_()
     assert time.perf_counter() - start_s < 1
 
 
@@ -81,7 +89,7 @@ def test_the_arm_is_where_forward_kinematics_puts_it(frame):
         if link in ("torso", "head"):
             continue
         stored = poses[frame, moving.index(f"/scene/robot/{link}")]
-        np.testing.assert_allclose(stored, expected[frame], atol=1e-4)  # 0.1 mm
+        np.testing.assert_allclose(stored, expected[frame, :3], atol=1e-4)  # 0.1 mm
 
 
 @pytest.mark.parametrize("frame", [0, FRAMES // 2, FRAMES - 1])
@@ -126,7 +134,7 @@ def test_the_ghost_is_a_transparent_arm_of_its_own():
     joints_rad, _ = sequence()
     viewer = make(ghost_joints_rad=joints_rad[::-1])
     poses, moving = poses_in(viewer.html())
-    expected = arm.link_transforms(joints_rad)["hand"][-1]
+    expected = arm.link_transforms(joints_rad)["hand"][-1, :3]
     np.testing.assert_allclose(poses[0, moving.index("/scene/ghost/hand")], expected, atol=1e-4)
     ghosts = [c for c in viewer.commands if c["type"] == "set_object" and "/ghost/" in c["path"]]
     assert ghosts and all(c["object"]["materials"][0]["transparent"] for c in ghosts)
@@ -136,8 +144,8 @@ def test_the_ghost_is_a_transparent_arm_of_its_own():
 def test_the_page_loads_nothing_and_is_small():
     page = make(ghost_joints_rad=sequence()[0]).html()
     assert "://" not in page
-    assert not re.search(r"\b(src|href)\s*=", page)
-    assert len(page) < 450_000
+    assert not re.search(r"<[^>]*\b(src|href)\s*=", page)
+    assert len(page) < 350_000
     assert b"Copyright (c) 2018 Robin Deits" in unpacked(page, "viewer")
 
 
@@ -155,8 +163,98 @@ def test_a_notebook_gets_an_iframe_that_can_be_found_and_a_picture(tmp_path):
     assert "a &quot;quoted&quot; &lt;title&gt;" in start and "<title>" not in start
     assert base64.b64decode(bundle["image/png"]) == ONE_PIXEL_PNG
     assert "100 frames" in bundle["text/plain"]
-    assert "image/png" not in make()._repr_mimebundle_()
     assert viewer.save(tmp_path / "scene.html").read_text(encoding="utf-8") == viewer.html()
+
+
+def test_without_a_still_the_middle_frame_is_drawn():
+    assert base64.b64decode(make()._repr_mimebundle_()["image/png"]).startswith(b"\x89PNG")
+    assert make().still_png != make(joints_rad=sequence()[0] + 0.1).still_png
+
+
+def test_the_caption_names_the_colours_and_the_faint_arm():
+    shown = re.search('<div id="words">(.*?)</div>', make().html()).group(1)
+    assert shown == "Left cube: red. Right cube: blue."
+    page = make(ghost_joints_rad=sequence()[0], ghost_name="a & b").html()
+    assert "Faint orange arm: a &amp; b." in page
+
+
+def test_the_camera_shows_the_picture_of_each_frame():
+    sheet = json.loads(unpacked(make(eye=film()).html(), "scene"))["eye"]
+    assert sheet["frames"] == list(range(0, FRAMES, 4)) and sheet["size"] == [160, 120]
+    picture = Image.open(io.BytesIO(base64.b64decode(sheet["sheet"].split(",")[1])))
+    for i, t in enumerate(sheet["frames"]):
+        x, y = 160 * (i % sheet["columns"]), 120 * (i // sheet["columns"])
+        assert np.abs(np.array(picture.crop((x, y, x + 160, y + 120))).astype(int) - t).max() < 6
+    assert json.loads(unpacked(make().html(), "scene"))["eye"] is None
+
+
+# ---------------------------------------------------------------- recorded samples
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    return dataset.load("recording")
+
+
+@pytest.fixture
+def static(monkeypatch):
+    monkeypatch.setenv("PTAE_STATIC", "1")
+
+
+@pytest.mark.parametrize("index", [90, 648])  # a slow one and a fast one, both filmed
+def test_a_recorded_sample_is_where_it_was_recorded_within_a_millimetre(recorded, index):
+    count = recorded.frames[index]
+    poses, moving = poses_in(scene3d.sample_scene(recorded, index, eye=True).html())
+    assert len(poses) == count
+    expected = arm.link_transforms(recorded.joints[index])
+    still = placed(scene3d.sample_scene(recorded, index).html())
+    for frame in (0, count // 2, count - 1):
+        for link, pose in expected.items():
+            if f"/scene/robot/{link}" in moving:
+                stored = poses[frame, moving.index(f"/scene/robot/{link}")]
+                assert np.linalg.norm(stored[:, 3] - pose[frame, :3, 3]) < 1e-3
+                np.testing.assert_allclose(stored[:, :3], pose[frame, :3, :3], atol=1e-3)
+        for c, side in enumerate(("left", "right")):
+            path = f"/scene/cubes/{side}"
+            moved = poses[frame, moving.index(path)] if path in moving else still[path][:3]
+            assert np.linalg.norm(moved[:, 3] - recorded.cubes[index, frame, c, :3]) < 1e-3
+
+
+def test_on_the_site_a_scene_is_small_and_its_script_is_shared(recorded, static):
+    """The largest there is: a slow sample, its film, and a second arm."""
+    ghost = recorded.joints[90] + 0.06 * np.sin(np.arange(100) / 7)[:, None]
+    page = scene3d.sample_scene(recorded, 90, ghost_joints_rad=ghost, eye=True)._repr_html_()
+    assert len(page) < 60_000
+    assert "_static/scene.js" in page and "sandbox" not in page
+    assert 'class="ptae-still"' in page and "data:image/webp" in page
+    assert "handle_command" not in page
+    script = viewer.shared_script()
+    assert b"handle_command" in script and b"Copyright (c) 2018 Robin Deits" in script
+
+
+def test_a_sample_names_what_it_shows(recorded):
+    made = scene3d.sample_scene(recorded, 90)
+    assert made.title == "NICO's left arm in 3-D: push green slowly, the right cube"
+    assert made.caption == "Left cube: blue. Right cube: green."
+
+
+def test_a_models_answer_may_be_longer_than_the_clip(recorded):
+    answer = np.repeat(recorded.joints[648, :1], 100, axis=0)
+    assert len(scene3d.sample_scene(recorded, 648, ghost_joints_rad=answer).poses) == 50
+
+
+def test_a_sample_without_a_film_has_no_camera_view(recorded):
+    with pytest.raises(PTAEError, match="sample 1 has no stored film; .* 0, 7, 20"):
+        scene3d.sample_scene(recorded, 1, eye=True)
+
+
+def test_a_link_that_leaves_the_scene_is_refused():
+    away = np.tile(np.eye(4), (2, 1, 1))
+    away[1, 0, 3] = 3
+    ball = arm.Shape("world", "sphere", (0.1,))
+    made = scene3d.record({"b": ([ball], {"world": away})}, frames_per_s=25, title="far")
+    with pytest.raises(PTAEError, match="more than 2 m away"):
+        made.html()
 
 
 BAD = {

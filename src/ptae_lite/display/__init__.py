@@ -2,3 +2,10 @@
 
 This part knows the library; the library does not know it.
 """
+
+import os
+
+
+def is_static() -> bool:
+    """Whether this runs for a page without a kernel: `PTAE_STATIC=1`, as the site's build sets."""
+    return os.environ.get("PTAE_STATIC") == "1"

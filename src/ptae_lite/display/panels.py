@@ -11,7 +11,6 @@ import base64
 import inspect
 import io
 import json
-import os
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
@@ -23,6 +22,7 @@ import ipywidgets
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
+from ptae_lite.display import is_static
 from ptae_lite.errors import PTAEError
 
 # Runs when any control of the panel moves: shows the one frame that belongs to their positions.
@@ -53,6 +53,7 @@ class Panel:
         label: what is written at the one control; over several, the panel's title (each control
             then has its argument's name).
         start: the value to begin with, or a dictionary of them; otherwise the first ones.
+        labels: what is written at a control instead of its argument's name.
         describe: called like `function`, returns in a sentence what its figure shows, for those
             who cannot see it; otherwise the label and the values.
 
@@ -69,10 +70,11 @@ class Panel:
         label: str,
         *,
         start: Any = None,
+        labels: Mapping[str, str] | None = None,
         describe: Callable[..., str] | None = None,
     ):
         if isinstance(values, Mapping):
-            self.labels = {name: name.replace("_", " ") for name in values}
+            self.labels = {name: name.replace("_", " ") for name in values} | dict(labels or {})
         else:
             name = next(iter(inspect.signature(function).parameters))
             values, start = {name: values}, None if start is None else {name: start}
@@ -88,7 +90,7 @@ class Panel:
         # Drawn now and not when shown: of an error raised while showing, IPython prints the
         # traceback, but the cell counts as passed.
         self.face(**self.start)
-        self._static = self.html() if os.environ.get("PTAE_STATIC") == "1" else None
+        self._static = self.html() if is_static() else None
 
     def frame(self, **values) -> Any:
         """What the function returns for these values, which must be among those of the panel."""
@@ -124,12 +126,14 @@ class Panel:
         """The live face: a control per argument, and the frame below."""
         controls = {}
         for name, allowed in self.values.items():
-            kind = ipywidgets.SelectionSlider if _all_numbers(allowed) else ipywidgets.Dropdown
+            slides = _all_numbers(allowed)
+            kind = ipywidgets.SelectionSlider if slides else ipywidgets.Dropdown
             controls[name] = kind(
                 options=[(_text(value), value) for value in allowed],
                 value=self.start[name],
                 description=self.labels[name],
                 style={"description_width": "initial"},
+                layout={"width": "min(34rem, 100%)" if slides else "max-content"},
             )
         view = ipywidgets.HTML(self.face(**self.start))
 
@@ -154,7 +158,8 @@ class Panel:
             frames.append(f"<div data-frame{hidden}>{self.face(**values)}</div>")
         return (
             f'<div data-ptae-embed="panel" role="group" aria-label="{escape(self.label)}" '
-            f'oninput="{escape(_ON_INPUT)}">{rows}{"".join(frames)}</div>'
+            f'oninput="{escape(_ON_INPUT)}">{rows}'
+            f'<div aria-live="polite">{"".join(frames)}</div></div>'
         )
 
     def _row(self, name: str) -> str:

@@ -149,7 +149,10 @@ def _lit(shape: arm.Shape, links):
 
 
 def _faces(shape: arm.Shape) -> list[np.ndarray]:
-    """The outline of a shape as polygons: rings along z, with sides between them."""
+    """The outline of a shape: rings along z, with sides between them, and two caps.
+
+    All have four corners. matplotlib pads unequal ones with memory that it never set.
+    """
     turn, size = np.linspace(0, 2 * pi, 17), np.array(shape.size)
     ring = size[0] * np.stack([np.cos(turn), np.sin(turn)], 1)
     levels = [(1, -size[-1] / 2), (1, size[-1] / 2)]
@@ -162,7 +165,8 @@ def _faces(shape: arm.Shape) -> list[np.ndarray]:
         np.stack([a[i], a[i + 1], b[i + 1], b[i]])
         for (a, b), i in product(pairwise(rings), range(len(ring) - 1))
     ]
-    return [*sides, rings[0], rings[-1]]
+    caps = [r[[0, i, i + 1, i + 2]] for r in (rings[0], rings[-1]) for i in range(1, len(r) - 3, 2)]
+    return [*sides, *caps]
 
 
 def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None, **axis) -> Figure:

@@ -11,15 +11,17 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import pi
-from uuid import NAMESPACE_OID, uuid5
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
+from ptae_lite import frames
+from ptae_lite.dataset import Samples
+from ptae_lite.display import pictures
 from ptae_lite.display.viewer import Viewer
 from ptae_lite.errors import PTAEError
-from ptae_lite.language import SIDES
-from ptae_lite.robot.arm import SHAPES, Shape, link_transforms
+from ptae_lite.language import SIDES, pattern, sentence
+from ptae_lite.robot.arm import SHAPES, Shape, fingertip, link_transforms
 from ptae_lite.robot.scene import COLOUR_RGBA, CUBE_EDGE_M, FRAMES_PER_S, TABLE_SHAPES
 
 with warnings.catch_warnings():
@@ -33,11 +35,48 @@ GHOST_RGBA = (0.95, 0.55, 0.10, 0.45)
 LOOK_AT_M = (0.26, 0.05, 0.66)
 CAMERA_M = (1.15, 0.85, 1.20)  # in front of the robot, to its left, above the table
 FIELD_OF_VIEW_DEG = 38
-SKY, GROUND = (0.90, 0.93, 0.97), (1.0, 1.0, 1.0)
 SIZES = {"box": 3, "cylinder": 2, "sphere": 1}  # how many numbers each kind of shape has
 
 # A group of a scene: its shapes, and a (T, 4, 4) array of poses for each link they are fixed to.
 Group = tuple[Sequence[Shape], Mapping[str, np.ndarray]]
+
+
+def sample_scene(
+    samples: Samples,
+    index: int,
+    *,
+    ghost_joints_rad: Float[np.ndarray, "T 5"] | None = None,
+    ghost_name: str = "made by the model",
+    eye: bool = False,
+    autoplay: bool = False,
+) -> Viewer:
+    """One recorded sample: its arm, its cubes, and a faint second arm if asked for.
+
+    `ghost_joints_rad` may be longer than the clip, as a model's answers are; where it begins with
+    the second frame, as they do, put the sample's first pose before it. `eye` shows beside the
+    scene what the camera saw, for samples whose film is stored (`frames.film_patterns`).
+    """
+    key = (int(samples.pattern[index]), int(samples.variation[index]))
+    shown, count = pattern(key[0]), int(samples.frames[index])
+    seen = None
+    if eye:
+        stored = [t for *sample, t in frames.stored_keys() if tuple(sample) == key]
+        if len(stored) < 3:
+            raise PTAEError(
+                f"sample {index} has no stored film; of these patterns the first variation has: "
+                f"{', '.join(map(str, frames.film_patterns()))}"
+            )
+        seen = {t: frames.frame(*key, t) for t in stored}
+    return arm_scene(
+        samples.joints[index, :count],
+        samples.cubes[index, :count],
+        (shown.left, shown.right),
+        ghost_joints_rad=None if ghost_joints_rad is None else ghost_joints_rad[:count],
+        ghost_name=ghost_name,
+        eye=seen,
+        autoplay=autoplay,
+        title=f"NICO's left arm in 3-D: {sentence(shown.meaning)}, the {shown.side} cube",
+    )
 
 
 def arm_scene(
@@ -47,7 +86,10 @@ def arm_scene(
     *,
     frames_per_s: float = FRAMES_PER_S,
     ghost_joints_rad: Float[np.ndarray, "T 5"] | None = None,
+    ghost_name: str = "a second motion",
+    eye: Mapping[int, UInt8[np.ndarray, "H W 3"]] | None = None,
     still_png: bytes | None = None,
+    autoplay: bool = False,
     title: str = "NICO's left arm and two cubes",
 ) -> Viewer:
     """The arm and the cubes over a sequence, with a second, see-through arm if asked for.
@@ -55,25 +97,34 @@ def arm_scene(
     `joints_rad` are the five joint angles in radians; `cubes` the left and the right cube's
     x, y, z in metres and quaternion (x, y, z, w), in the robot's frame; `colours` their colours.
     `ghost_joints_rad` draws the moving links once more, orange and transparent: an executed
-    trajectory over the recorded one. Raises `PTAEError` for arrays that do not fit together.
+    trajectory over the recorded one. `eye` has the camera's picture from each of some frames on.
+    Without `still_png` the still is a drawing of the middle frame. Raises `PTAEError` for arrays
+    that do not fit together.
     """
-    arm = link_transforms(_checked("joints_rad", joints_rad, (None, 5)))
-    frames = len(arm["hand"])
+    joints_rad = _checked("joints_rad", joints_rad, (None, 5))
+    arm, count = link_transforms(joints_rad), len(joints_rad)
+    cubes = _checked("cubes", cubes, (count, 2, 7))
     drawn = [shape for shape in SHAPES if shape.drawn]
     groups: dict[str, Group] = {
-        "table": (TABLE_SHAPES, {"world": np.tile(np.eye(4), (frames, 1, 1))}),
+        "table": (TABLE_SHAPES, {"world": np.tile(np.eye(4), (count, 1, 1))}),
         "robot": (drawn, arm),
-        "cubes": (
-            _cube_shapes(colours),
-            _cube_transforms(_checked("cubes", cubes, (frames, 2, 7))),
-        ),
+        "cubes": (_cube_shapes(colours), _cube_transforms(cubes)),
     }
+    caption = f"Left cube: {colours[0]}. Right cube: {colours[1]}."
     if ghost_joints_rad is not None:
-        ghost = link_transforms(_checked("ghost_joints_rad", ghost_joints_rad, (frames, 5)))
+        ghost = link_transforms(_checked("ghost_joints_rad", ghost_joints_rad, (count, 5)))
         fixed = ("torso", "head")
         shapes = [replace(shape, rgba=GHOST_RGBA) for shape in drawn if shape.link not in fixed]
         groups["ghost"] = (shapes, ghost)
-    return record(groups, frames_per_s=frames_per_s, title=title, still_png=still_png)
+        caption += f" Faint orange arm: {ghost_name}."
+    if still_png is None:
+        middle = count // 2
+        drawing = pictures.arm_drawing(
+            joints_rad[middle], cubes[middle], colours, path_m=fingertip(joints_rad)
+        )
+        still_png = pictures.png(drawing)
+    made = record(groups, frames_per_s=frames_per_s, title=title, still_png=still_png)
+    return replace(made, caption=caption, eye=eye, autoplay=autoplay)
 
 
 def record(
@@ -109,13 +160,14 @@ def record(
             node[str(i)].set_transform(_pose_in_link(shape))
             if np.ptp(poses, axis=0).any():
                 moving[path] = poses
-    frames = {len(poses) for _, transforms in groups.values() for poses in transforms.values()}
-    if len(frames) != 1:
-        raise PTAEError(f"the links have {sorted(frames)} frames; they must all have as many")
-    stacked = np.stack(list(moving.values()), axis=1) if moving else np.zeros((*frames, 0, 4, 4))
+    counts = {len(poses) for _, transforms in groups.values() for poses in transforms.values()}
+    if len(counts) != 1:
+        raise PTAEError(f"the links have {sorted(counts)} frames; they must all have as many")
+    stacked = np.stack(list(moving.values()), axis=1) if moving else np.zeros((*counts, 0, 4, 4))
     return Viewer(
-        window.commands, tuple(moving), stacked, frames_per_s, LOOK_AT_M, title, still_png
-    )
+        window.commands, tuple(moving), stacked, frames_per_s, LOOK_AT_M, title,
+        still_png=still_png,
+    )  # fmt: skip
 
 
 class _Recorder:
@@ -129,11 +181,9 @@ class _Recorder:
 
 
 def _set_stage(scene: Visualizer) -> None:
-    """Background and camera; meshcat's own lights stay as they are."""
+    """The camera; meshcat's own lights stay as they are."""
     for name in ("/Grid", "/Axes"):
         scene[name].set_property("visible", False)
-    scene["/Background"].set_property("top_color", SKY)
-    scene["/Background"].set_property("bottom_color", GROUND)
     x, y, z = CAMERA_M
     camera = scene["/Cameras/default/rotated/<object>"]
     camera.set_property("position", (x, z, -y))  # three.js has y upwards
@@ -155,9 +205,9 @@ def _mesh(shape: Shape, name: str) -> geometry.Mesh:
     red, green, blue = (round(255 * part) for part in shape.rgba[:3])
     paint = geometry.MeshPhongMaterial(color=red << 16 | green << 8 | blue, opacity=shape.rgba[3])
     mesh = geometry.Mesh(form, paint)
-    # meshcat's own names hold the time and the machine's address
+    # meshcat's own names hold the time and the machine's address, and do not pack well
     for part in (form, paint, mesh):
-        part.uuid = str(uuid5(NAMESPACE_OID, f"{name}/{type(part).__name__}"))
+        part.uuid = f"{name}/{type(part).__name__}"
     return mesh
 
 

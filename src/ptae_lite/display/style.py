@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import matplotlib
 import matplotlib.pyplot as plt
+from IPython import get_ipython
 from matplotlib.figure import Figure
+from matplotlib_inline.backend_inline import set_matplotlib_formats
+
+from ptae_lite.display import is_static
 
 # Okabe and Ito's palette, safe for the common kinds of colour blindness
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
@@ -30,8 +34,10 @@ RC = {
 
 
 def use() -> None:
-    """Take this look for every figure that follows in this process."""
+    """Take this look for every figure that follows in this process; on the site, as vectors."""
     plt.rcParams.update(RC)
+    if is_static() and get_ipython() is not None:
+        set_matplotlib_formats("svg", metadata={"Date": None})
 
 
 def closed(figure: Figure) -> Figure:

@@ -1,0 +1,222 @@
+"""Chapters in JupyterLab, as a reader works in them: run, move the sliders, edit, save.
+
+Two chapters; `--lab=all` (after `python3 run.py test --`) takes all of them.
+"""
+
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+
+import pytest
+from pages import ROOT, SHOTS, chromium, until
+
+from ptae_lite.display import pairs
+
+TOKEN = "reader"
+SETTINGS = "@jupyterlab/apputils-extension/notification.jupyterlab-settings"
+RUN_S = 240  # for a chapter
+
+
+def pytest_generate_tests(metafunc):
+    if "chapter" in metafunc.fixturenames:
+        names = [md.stem for md in pairs.chapters(ROOT / "book")]
+        if metafunc.config.getoption("--lab") != "all":
+            names = [name for name in names if name[:2] in ("01", "05")]
+        metafunc.parametrize("chapter", names)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory, browser):
+    """JupyterLab on a copy of the book, with settings of its own; its address and its folder."""
+    home = tmp_path_factory.mktemp("lab")
+    shutil.copytree(ROOT / "book", home / "book")
+    folders = {
+        name: str(home / name.lower())
+        for name in (
+            "JUPYTER_CONFIG_DIR", "JUPYTER_DATA_DIR", "JUPYTER_RUNTIME_DIR", "IPYTHONDIR",
+            "JUPYTERLAB_SETTINGS_DIR", "JUPYTERLAB_WORKSPACES_DIR",
+        )
+    }  # fmt: skip
+    settings = home / "jupyterlab_settings_dir" / SETTINGS
+    settings.parent.mkdir(parents=True)
+    settings.write_text('{"fetchNews": "false", "checkForUpdates": false}')  # ask nobody outside
+    port = free_port()
+    command = [
+        sys.executable, "-m", "jupyter", "lab", "--no-browser", "--allow-root", "--ip=127.0.0.1",
+        f"--port={port}", "--ServerApp.port_retries=0", f"--IdentityProvider.token={TOKEN}",
+        f"--ServerApp.root_dir={home}", "--LabApp.expose_app_in_browser=True",
+    ]  # fmt: skip
+    env = {k: v for k, v in os.environ.items() if k != "PTAE_STATIC"} | folders
+    with open(home / "server.log", "w") as log:
+        server = subprocess.Popen(
+            command, cwd=home, env=env, stdout=log, stderr=log, start_new_session=True
+        )
+        try:
+            address = f"http://127.0.0.1:{port}"
+            wait_for(address, server, home / "server.log")
+            yield address, home
+        finally:
+            os.killpg(server.pid, signal.SIGTERM)
+            server.wait(30)
+
+
+def wait_for(address, server, log):
+    for _ in range(240):
+        assert server.poll() is None, log.read_text()[-2000:]
+        try:
+            urllib.request.urlopen(f"{address}/api?token={TOKEN}", timeout=1)
+            return
+        except OSError:
+            time.sleep(0.5)
+    raise AssertionError("JupyterLab did not start: " + log.read_text()[-2000:])
+
+
+@pytest.fixture
+def notebook(browser, lab, chapter):
+    """The chapter opened with its kernel at rest; nothing outside this machine is asked."""
+    address, _ = lab
+    context = browser.new_context(viewport={"width": 1400, "height": 900})
+    page, wrong = context.new_page(), []
+    inside = (address, address.replace("http", "ws"), "data:", "blob:", "about:")
+
+    def asked(request):
+        if not request.url.startswith(inside):
+            wrong.append(f"asks for {request.url}")
+
+    page.on("request", asked)
+    page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
+    page.goto(f"{address}/lab/tree/book/{chapter}.ipynb?token={TOKEN}&reset")
+    page.locator(".jp-Notebook").wait_for(timeout=90_000)
+    idle(page, 90)  # running cells before would ask for a kernel and wait for an answer
+    yield page
+    context.close()
+    assert wrong == []
+
+
+def idle(page, seconds):
+    page.get_by_text(re.compile(r"Python 3.*\| Idle")).first.wait_for(timeout=1000 * seconds)
+
+
+def run_all(page):
+    page.get_by_role("menuitem", name="Run", exact=True).click()
+    page.get_by_text("Run All Cells", exact=True).first.click()
+    begun = time.monotonic()
+    while time.monotonic() - begun < RUN_S:
+        time.sleep(1)
+        if page.evaluate(STILL_TO_RUN) == 0 and begun + 3 < time.monotonic():
+            return
+    raise AssertionError("the chapter did not come to its end")
+
+
+# Cells not in the view are not in the page, so the notebook's own model is asked.
+STILL_TO_RUN = """() => {
+  const cells = window.jupyterapp.shell.currentWidget.content.model.cells;
+  let left = 0;
+  for (const cell of cells)
+    if (cell.type === 'code' && cell.sharedModel.source.trim() && !cell.executionCount) left += 1;
+  return left;
+}"""
+FAILED = """() => {
+  const failed = [];
+  for (const cell of window.jupyterapp.shell.currentWidget.content.model.cells)
+    if (cell.type === 'code')
+      for (const output of cell.outputs.toJSON())
+        if (output.output_type === 'error') failed.push(output.ename + ': ' + output.evalue);
+  return failed;
+}"""
+# Which cells have put out a panel, or a scene.
+PLACES = """([kind, mark]) => {
+  const places = [];
+  window.jupyterapp.shell.currentWidget.content.widgets.forEach((cell, i) => {
+    if (cell.model.type !== 'code') return;
+    for (const output of cell.model.outputs.toJSON())
+      if ([output.data?.[kind] ?? []].flat().length &&
+          JSON.stringify(output.data[kind]).includes(mark)) places.push(i);
+  });
+  return places;
+}"""
+PANELS = ["application/vnd.jupyter.widget-view+json", "model_id"]
+SCENES = ["text/html", "data-ptae-embed"]
+SCROLL_TO = """async i => {
+  const notebook = window.jupyterapp.shell.currentWidget.content;
+  await notebook.scrollToItem(i, 'start');
+  notebook.activeCellIndex = i;
+}"""
+
+
+def move_everything(page, cell):
+    """Move each control of the panel in a cell, and see that what it shows becomes another."""
+    view = cell.locator(".widget-vbox").first
+    shown = view.locator(".widget-html-content")
+    shown.first.wait_for(timeout=20_000)
+    controls = view.locator(".noUi-handle, select")
+    assert controls.count()
+    for i in range(controls.count()):
+        control, before = controls.nth(i), shown.first.inner_html()
+        if control.evaluate("one => one.tagName") == "SELECT":
+            values = control.locator("option").all_inner_texts()
+            now = control.evaluate("one => one.selectedOptions[0].innerText")
+            control.select_option(label=next(value for value in values if value != now))
+        else:
+            control.focus()
+            end = control.get_attribute("aria-valuenow") == control.get_attribute("aria-valuemax")
+            control.press("ArrowLeft" if end else "ArrowRight")
+        until(lambda before=before: shown.first.inner_html() != before,
+              message=f"control {i} was moved, and the panel shows the same")  # fmt: skip
+        assert "Traceback" not in shown.first.inner_text()
+        assert shown.first.locator("img").first.get_attribute("alt")
+
+
+def play(page, cell):
+    """Play the scene of a cell, and see that it moves."""
+    scene = cell.locator("iframe").first.content_frame
+    scene.locator("#clock").filter(has_text="frame").wait_for(timeout=60_000)
+    scene.locator("#play").click()
+    until(lambda: int(scene.locator("#frame").input_value()) > 0, message="it does not play")
+    scene.locator("#play").click()
+
+
+def test_a_chapter_is_run_moved_edited_and_saved(notebook, lab, chapter):
+    page, (_, home) = notebook, lab
+    run_all(page)
+    assert page.evaluate(FAILED) == []
+    panels, scenes = page.evaluate(PLACES, PANELS), page.evaluate(PLACES, SCENES)
+    assert panels or chapter[:2] not in ("01", "04", "05")
+    assert scenes or chapter[:2] not in ("01", "05")
+    for places, use in ((panels, move_everything), (scenes, play)):
+        for place in places:
+            page.evaluate(SCROLL_TO, place)
+            use(page, page.locator(f'.jp-Cell[data-windowed-list-index="{place}"]'))
+            SHOTS.mkdir(parents=True, exist_ok=True)
+            page.screenshot(path=SHOTS / f"lab-{chapter}-{place}.png")
+    page.evaluate(SCROLL_TO, 0)
+    cell = page.locator('.jp-Cell[data-windowed-list-index="0"]')
+    cell.dblclick()
+    editor = cell.locator(".cm-content")
+    editor.click()
+    page.keyboard.press("Control+End")
+    page.keyboard.type("\n\nA reader was here.")
+    page.keyboard.press("Shift+Enter")
+    page.keyboard.press("Control+s")
+    source = home / "book" / f"{chapter}.md"
+    until(lambda: "A reader was here." in source.read_text(encoding="utf-8"),
+          message=f"{source.name} does not hold the edit")  # fmt: skip
+    assert "A reader was here." in source.with_suffix(".ipynb").read_text(encoding="utf-8")

@@ -1,0 +1,301 @@
+"""The built site in Chromium, offline and from its folder: pages, scenes, panels, print, search."""
+
+import json
+from itertools import product
+
+import numpy as np
+import pytest
+from pages import SHOTS, SITE, chromium, go, keep, opened, page_names, pixels, stale, until
+
+from ptae_lite import dataset
+from ptae_lite.display import scene3d
+
+PAGES = page_names()
+SCENE = 'iframe[data-ptae-embed="scene"]'
+PANEL = '[data-ptae-embed="panel"]'
+
+
+@pytest.fixture(scope="module")
+def browser():
+    reason = stale()
+    if reason:
+        pytest.skip(reason)
+    with chromium() as running:
+        yield running
+
+
+def with_embeds(selector):
+    """Pages that have scenes or panels, by their source."""
+    mark = {SCENE: 'data-ptae-embed="scene"', PANEL: 'data-ptae-embed="panel"'}[selector]
+    return [name for name in PAGES if mark in (SITE / name).read_text(encoding="utf-8")]
+
+
+def scroll_through(page):
+    """Let everything that waits until it is seen load."""
+    page.evaluate("""async () => {
+      for (let y = 0; y < document.documentElement.scrollHeight; y += 600) {
+        window.scrollTo(0, y);
+        await new Promise(done => setTimeout(done, 30));
+      }
+      window.scrollTo(0, 0);
+    }""")
+
+
+@pytest.mark.parametrize("width", ["laptop", "phone"])
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_opens_without_a_network_and_fits_its_width(browser, name, width):
+    for theme in ("light", "dark"):
+        with opened(browser, width, theme) as page:
+            go(page, name)
+            assert page.evaluate("document.documentElement.dataset.theme") == theme
+            scroll_through(page)
+            for iframe in page.locator(f"{SCENE}:visible").all():
+                ready(iframe)
+            page.evaluate("window.scrollTo(0, 0)")
+            broken = page.evaluate("""[...document.images]
+              .filter(one => one.checkVisibility() && !(one.complete && one.naturalWidth))
+              .map(one => one.src.slice(0, 100))""")
+            assert broken == []
+            wide = page.evaluate("""[...document.querySelectorAll('main *')].filter(one =>
+              one.getBoundingClientRect().right > innerWidth + 1 && one.checkVisibility() &&
+              !one.closest('.cell_output, pre, table, mjx-container, .MathJax')).map(
+              one => one.outerHTML.slice(0, 100))""")
+            assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, wide[:3]
+            keep(page, f"{name.removesuffix('.html').replace('/', '-')}-{width}-{theme}")
+
+
+# ---------------------------------------------------------------- scenes
+
+
+def ready(iframe):
+    """The scene inside an iframe, once it is drawn."""
+    iframe.scroll_into_view_if_needed()
+    scene = iframe.content_frame
+    scene.locator("#clock").filter(has_text="frame").wait_for(timeout=60_000)
+    return scene
+
+
+def colours(picture):
+    return len(np.unique(picture.reshape(-1, 3), axis=0))
+
+
+def changed(picture, before):
+    """How many pixels became others."""
+    return int((np.abs(picture - before).max(-1) > 40).sum())
+
+
+def frame_number(scene):
+    return int(scene.locator("#frame").input_value())
+
+
+def check_scene(page, iframe):
+    """It draws something, moves when played, stops, and follows the slider and the speed."""
+    scene = ready(iframe)
+    pane = scene.locator("#pane")
+    until(lambda: colours(pixels(pane)) > 100, message="the pane stays empty")
+    drawn = pixels(pane)
+    last = int(scene.locator("#frame").get_attribute("max"))
+    scene.locator("#speed").select_option("1")
+    scene.locator("#play").click()
+    assert scene.locator("#play").inner_text() == "Pause"
+    until(lambda: frame_number(scene) > 0, message="it does not play")
+    scene.locator("#play").click()
+    assert scene.locator("#play").inner_text() == "Play"
+    reached = frame_number(scene)
+    page.wait_for_timeout(200)
+    assert frame_number(scene) == reached  # it rests
+    scene.locator("#frame").focus()
+    page.keyboard.press("Home")
+    assert scene.locator("#clock").inner_text() == f"frame 0 of {last}, 0.00 s"
+    for _ in range(2):
+        page.keyboard.press("ArrowRight")
+    assert frame_number(scene) == 2
+    scene.locator("#frame").fill(str(last // 2))
+    until(lambda: changed(pixels(pane), drawn) > 300, message="the arm is not elsewhere")
+    assert scene.locator("#pane").get_attribute("aria-label") == iframe.get_attribute("title")
+    assert f"frame {last // 2}" in scene.locator("#frame").get_attribute("aria-valuetext")
+
+
+@pytest.mark.parametrize("name", with_embeds(SCENE) if PAGES else [])
+def test_every_scene_draws_and_moves_when_played(browser, name):
+    with opened(browser) as page:
+        go(page, name)
+        scenes = page.locator(f"{SCENE}:visible").all()
+        assert scenes or page.locator(f"{PANEL} iframe").count()
+        for iframe in scenes:
+            check_scene(page, iframe)
+            assert iframe.content_frame.locator("#words").inner_text().startswith("Left cube: ")
+
+
+def test_a_saved_scene_is_a_page_of_its_own(browser, tmp_path):
+    samples = dataset.load("recording")
+    scene3d.sample_scene(samples, 90, eye=True).save(tmp_path / "scene.html")
+    with opened(browser) as page:
+        page.goto((tmp_path / "scene.html").as_uri())
+        page.locator("#clock").filter(has_text="frame").wait_for(timeout=60_000)
+        until(lambda: colours(pixels(page.locator("#pane"))) > 100)
+        page.locator("#play").click()
+        until(lambda: int(page.locator("#frame").input_value()) > 0)
+
+
+def test_the_camera_view_follows_the_frames(browser):
+    with opened(browser) as page:
+        go(page, "01_simulation.html")
+        scene = ready(page.locator(SCENE).first)
+        before = pixels(scene.locator("#eye canvas"))
+        scene.locator("#frame").fill("44")
+        assert changed(pixels(scene.locator("#eye canvas")), before) > 300
+
+
+def test_a_slower_speed_is_slower(browser):
+    with opened(browser) as page:
+        go(page, "01_simulation.html")
+        scene, reached = ready(page.locator(SCENE).first), {}
+        for speed in ("2", "0.25"):
+            scene.locator("#frame").fill("0")
+            scene.locator("#speed").select_option(speed)
+            scene.locator("#play").click()
+            page.wait_for_timeout(1500)
+            scene.locator("#play").click()
+            reached[speed] = frame_number(scene)
+        assert reached["2"] > 2 * reached["0.25"] > 0
+
+
+def test_a_scene_follows_the_theme(browser):
+    with opened(browser) as page:
+        go(page, "01_simulation.html")
+        scene = ready(page.locator(SCENE).first)
+        pane = scene.locator("#pane")
+        until(lambda: pixels(pane)[5, 5].mean() > 200, message="it is not light")
+        page.evaluate("document.documentElement.dataset.theme = 'dark'")
+        until(lambda: pixels(pane)[5, 5].mean() < 100, message="it is not dark")
+
+
+def test_the_arm_on_the_front_page_plays_by_itself_unless_motion_is_unwanted(browser):
+    with opened(browser) as page:
+        go(page, "index.html")
+        scene = ready(page.locator(f"{SCENE}:visible").first)
+        page.wait_for_timeout(500)
+        assert frame_number(scene) == 0
+    with opened(browser) as page:
+        page.emulate_media(reduced_motion="no-preference")
+        go(page, "index.html")
+        scene = ready(page.locator(f"{SCENE}:visible").first)
+        until(lambda: frame_number(scene) > 0, message="it does not play")
+        assert scene.locator("#play").inner_text() == "Pause"
+
+
+# ---------------------------------------------------------------- panels
+
+
+def controls_of(panel):
+    """Each control with the number of its positions."""
+    found = []
+    for row in panel.locator("[data-values]").all():
+        control = row.locator("input, select")
+        found.append((row, control, len(json.loads(row.get_attribute("data-values")))))
+    return found
+
+
+def put(control, position):
+    """Move a control as its reader does: a slider by the keyboard, a choice by its list."""
+    if control.evaluate("one => one.tagName") == "SELECT":
+        control.select_option(str(position))
+        return
+    control.focus()
+    if int(control.input_value()) > position:
+        control.press("Home")
+    for _ in range(position - int(control.input_value())):
+        control.press("ArrowRight")
+
+
+@pytest.mark.parametrize("name", with_embeds(PANEL) if PAGES else [])
+def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
+    with opened(browser) as page:
+        go(page, name)
+        for panel in page.locator(PANEL).all():
+            controls = controls_of(panel)
+            shown, told = set(), set()
+            for positions in product(*(range(count) for *_, count in controls)):
+                for (row, control, _), position in zip(controls, positions, strict=True):
+                    if int(control.input_value()) != position:
+                        put(control, position)
+                    values = json.loads(row.get_attribute("data-values"))
+                    if row.locator("output").count():
+                        assert row.locator("output").inner_text() == values[position]
+                        assert control.get_attribute("aria-valuetext") == values[position]
+                (frame,) = panel.locator("[data-frame]:visible").all()
+                shown.add(frame.inner_html())
+                picture = frame.locator("img:visible, iframe")
+                if picture.count():
+                    text = picture.first.get_attribute("alt") or picture.first.get_attribute(
+                        "title"
+                    )
+                    told.add(text)
+                    assert len(text) > 20 or text
+            total = int(np.prod([count for *_, count in controls]))
+            assert len(shown) == total
+            assert not told or len(told) == total
+
+
+def test_every_action_of_the_front_page_is_a_scene_that_plays(browser):
+    with opened(browser) as page:
+        go(page, "index.html")
+        panel = page.locator(PANEL).first
+        controls = controls_of(panel)
+        for positions in product(*(range(count) for *_, count in controls)):
+            for (_, control, _), position in zip(controls, positions, strict=True):
+                put(control, position)
+            check_scene(page, panel.locator(f"{SCENE}:visible").first)
+
+
+def test_panels_have_labels_and_can_be_reached_by_the_keyboard(browser):
+    for name in with_embeds(PANEL):
+        with opened(browser) as page:
+            go(page, name)
+            for panel in page.locator(PANEL).all():
+                assert panel.get_attribute("role") == "group" and panel.get_attribute("aria-label")
+                for _, control, _ in controls_of(panel):
+                    assert control.evaluate("one => one.labels[0].innerText.trim()")
+                    control.focus()
+                    assert control.evaluate("one => one === document.activeElement")
+
+
+# ---------------------------------------------------------------- paper, search, downloads
+
+
+def test_a_page_prints_with_stills_in_the_place_of_scenes(browser):
+    for name in ("index.html", "01_simulation.html"):
+        with opened(browser) as page:
+            go(page, name)
+            page.emulate_media(media="print")
+            assert page.locator(f"{SCENE}:visible").count() == 0
+            still = page.locator(".ptae-still img:visible").first
+            still.scroll_into_view_if_needed()
+            assert still.evaluate("one => one.naturalWidth") > 100
+            SHOTS.mkdir(parents=True, exist_ok=True)
+            pdf = page.pdf(path=SHOTS / f"{name.removesuffix('.html')}.pdf", format="A4")
+            assert pdf.count(b"/Type /Page\n") or pdf.count(b"/Type /Page") > 1
+
+
+def test_without_scripts_there_is_a_still(browser):
+    context = browser.new_context(offline=True, java_script_enabled=False)
+    page = context.new_page()
+    page.goto((SITE / "01_simulation.html").as_uri(), wait_until="commit")
+    page.locator(".ptae-still img").first.wait_for(state="visible")
+    assert not page.locator(SCENE).first.is_visible()
+    context.close()
+
+
+def test_the_search_finds_words_of_the_chapters(browser):
+    with opened(browser) as page:
+        go(page, "search.html?q=autoencoder")
+        page.locator("#search-results li").first.wait_for()
+        assert page.locator("#search-results li a", has_text="thirty numbers").count() >= 1
+
+
+def test_formulas_are_drawn(browser):
+    with opened(browser) as page:
+        go(page, "01_simulation.html")
+        page.locator("mjx-container svg").first.wait_for()
+        assert page.locator(".math.notranslate").count() <= page.locator("mjx-container").count()

@@ -1,0 +1,62 @@
+"""Figures for every reader: told apart by the colour-blind, the same bytes each time."""
+
+import io
+from itertools import combinations
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from ptae_lite.display import conflicts, style
+
+# How the three kinds of dichromats see linear RGB: Machado, Oliveira and Fernandes 2009.
+SEEN_BY = {
+    "protanopes": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216],
+                   [-0.003882, -0.048116, 1.051998]],
+    "deuteranopes": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413],
+                     [-0.011820, 0.042940, 0.968881]],
+    "tritanopes": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602],
+                   [0.004733, 0.691367, 0.303900]],
+}  # fmt: skip
+
+
+def seen(colour, by):
+    """A colour as somebody sees it, in Lab-like steps: lightness and two opponent channels."""
+    srgb = np.array(to_rgb(colour))
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    r, g, b = np.clip(np.array(SEEN_BY[by]) @ linear, 0, 1)
+    x = 0.4124 * r + 0.3576 * g + 0.1805 * b
+    y = 0.2126 * r + 0.7152 * g + 0.0722 * b
+    z = 0.0193 * r + 0.1192 * g + 0.9505 * b
+    fx, fy, fz = np.cbrt([x / 0.9505, y, z / 1.089])
+    return np.array([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)])
+
+
+@pytest.mark.parametrize("by", SEEN_BY)
+def test_colours_that_stand_together_are_told_apart(by):
+    together = [style.BLUE, style.ORANGE, style.RED, "#BBBBBB"]
+    for one, other in combinations(together, 2):
+        assert np.linalg.norm(seen(one, by) - seen(other, by)) > 15, (one, other)
+
+
+def test_the_measure_finds_what_is_confused():
+    assert np.linalg.norm(seen("#C00000", "deuteranopes") - seen("#806000", "deuteranopes")) < 15
+
+
+def test_lines_that_stand_together_differ_in_more_than_colour():
+    assert len({dash for _, dash in conflicts.LOOKS}) == len(conflicts.LOOKS)
+
+
+def test_a_vector_figure_is_the_same_bytes_each_time():
+    def drawn():
+        with plt.rc_context(style.RC):
+            figure, axes = plt.subplots()
+            axes.plot([1, 2, 3], label="a")
+            axes.legend()
+            file = io.BytesIO()
+            figure.savefig(file, format="svg", metadata={"Date": None})
+        plt.close(figure)
+        return file.getvalue()
+
+    assert drawn() == drawn()
