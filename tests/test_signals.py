@@ -161,7 +161,7 @@ def test_only_padding_tells_a_fast_clip_from_a_slow_one(samples, scaling):
         number = torch.full((len(slow),), signals.signal_number("describe"))
         batch = signals.build(source, torch.from_numpy(slow), number, torch.zeros_like(number))
         with torch.no_grad():
-            return model.encoder(batch.tokens, batch.token_mask, batch.keys[:, :frames])[0]
+            return model.encode(replace(batch, keys=batch.keys[:, :frames]))[0]
 
     whole = codes(samples, 100)
     cut, padded = codes(thin, 50), codes(thin, 100)
@@ -179,3 +179,21 @@ def test_a_batch_that_makes_no_sense_is_refused(unchecked, source):
         signals.build(source, torch.arange(3), torch.arange(2), torch.arange(3))
     with pytest.raises(LanguageError, match="no signal 'sing'; the signals are describe"):
         signals.signal_number("sing")
+
+
+def test_two_clips_are_blended_only_where_both_are_to_be_described(source):
+    asked = ("describe", "describe", "execute", "describe")
+    numbers = torch.tensor([signals.signal_number(signal) for signal in asked])
+    batch = signals.build(
+        source, torch.tensor([0, 500, 7, 30]), numbers, torch.zeros(4, dtype=torch.long)
+    )
+    share = torch.tensor([0.75, 0.5, 0.6, 0.7])
+    mixed = signals.blend(batch, share, torch.tensor([1, 0, 3, 2]))
+    expected = 0.75 * batch.keys[0] + 0.25 * batch.keys[1]
+    torch.testing.assert_close(mixed.keys[0], expected)
+    assert torch.equal(mixed.keys[2:], batch.keys[2:])
+    assert torch.equal(mixed.share, torch.tensor([0.75, 0.5, 1, 1]))
+    assert mixed.frames.tolist() == [100, 100, *batch.frames[2:].tolist()]  # as long as the longer
+    assert torch.equal(mixed.other_words[:2], batch.words[[1, 0]])
+    for name in ("tokens", "video", "start", "joints", "words", "step_mask"):
+        assert torch.equal(getattr(mixed, name), getattr(batch, name))

@@ -13,7 +13,7 @@ from ptae_lite.dataset import fit_scaling
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import COLOURS, patterns
 from ptae_lite.models.common import Answer, losses
-from ptae_lite.signals import SUPERVISED, UNSUPERVISED, Batch, build, signal_number
+from ptae_lite.signals import SUPERVISED, UNSUPERVISED, Batch, blend, build, signal_number
 from ptae_lite.training import Recipe
 
 SUPERVISED_NUMBERS = [signal_number(s) for s in SUPERVISED]
@@ -260,3 +260,33 @@ def test_the_action_decoder_learns_at_its_own_pace(few, tiny):
     for name, p in trained.named_parameters():
         same = torch.equal(p, dict(fresh.named_parameters())[name])
         assert same == name.startswith("action.") or name.endswith("key.bias"), name
+
+
+def test_partners_have_the_same_signal_and_shares_are_of_the_larger_part():
+    signals = torch.tensor([0, 1, 0, 0, 2, 1])
+    share, partner = training.draw_partners(np.random.default_rng(0), signals)
+    assert torch.equal(signals[partner], signals) and sorted(partner.tolist()) == list(range(6))
+    assert share.min() >= 0.5 and share.max() <= 1
+    assert partner.tolist() != list(range(6))
+
+
+def test_a_blended_clip_asks_for_both_sentences_in_its_shares(make_batch):
+    batch = make_batch([0, 500], "describe")
+    answer = Answer(torch.randn(2, 4, 23).log_softmax(2), torch.zeros(2, 99, 5),
+                    torch.zeros(2, 1), torch.zeros(2, 1, 6, 100))  # fmt: skip
+    shares, partner = torch.tensor([0.7, 0.6]), torch.tensor([1, 0])
+    found = losses(answer, blend(batch, shares, partner))[0]
+    own = losses(answer, batch)[0]
+    swapped = losses(answer, replace(batch, words=batch.words[partner]))[0]
+    steps = -answer.words.gather(2, batch.words[..., None])[..., 0].mean(1)
+    others = -answer.words.gather(2, batch.words[partner][..., None])[..., 0].mean(1)
+    torch.testing.assert_close(found, (shares * steps + (1 - shares) * others).mean())
+    torch.testing.assert_close((steps.mean(), others.mean()), (own, swapped))
+
+
+def test_without_mixup_no_clip_is_blended(few, tiny, monkeypatch):
+    seen, real = [], training.blend
+    monkeypatch.setattr(training, "blend", lambda *parts: seen.append(1) or real(*parts))
+    for mixup, steps in ((False, 0), (True, 3)):
+        training.train(few, Recipe(epochs=1, batch=8, mixup=mixup), config=tiny)
+        assert len(seen) == steps

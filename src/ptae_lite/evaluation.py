@@ -50,7 +50,7 @@ def respond(
     `change` may alter each batch first: that is how controls and conflicts are put in.
     """
     samples = torch.as_tensor(np.asarray(samples))
-    number, device = signal_number(signal), next(trained.model.parameters()).device
+    number, device = signal_number(signal), _device(trained.model)
     alternative = alternatives_for(len(source.frames))[samples]
     answers = []
     for i in range(0, len(samples), size):
@@ -61,6 +61,10 @@ def respond(
             answer = trained.model(batch.to(device))
         answers.append([part.cpu() for part in answer])
     return Answer(*(torch.cat(column) for column in zip(*answers, strict=True)))
+
+
+def _device(model: torch.nn.Module) -> torch.device:
+    return next((p.device for p in model.parameters()), torch.device("cpu"))
 
 
 def sentences(answer: Answer) -> list[str]:

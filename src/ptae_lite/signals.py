@@ -85,7 +85,15 @@ class Batch:
 
     def to(self, device) -> Batch:
         """The same on another device."""
-        return Batch(**{name: value.to(device) for name, value in vars(self).items()})
+        return type(self)(**{name: value.to(device) for name, value in vars(self).items()})
+
+
+@dataclass(frozen=True)
+class Blended(Batch):
+    """A batch in which clips were blended in pairs (`blend`)."""
+
+    other_words: Int[Tensor, "B 4"]  # the second clip's sentence
+    share: Float[Tensor, " B"]  # of the first
 
 
 class Source:
@@ -189,6 +197,27 @@ def build(
         tokens, token_mask, frames, keys, video, start, words, word_mask,
         target * step_mask[..., None], step_mask,
     )  # fmt: skip
+
+
+def blend(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) -> Blended:
+    """Blend the clips that are to be described, each with that of another such sample.
+
+    Keys and values become share x own + (1 - share) x partner's, and both sentences are asked for,
+    in these shares (mixup, Zhang et al. 2018). Samples of other signals stay as they are.
+
+    Args:
+        partner: a place in the batch for each sample; where either is not to describe, nothing
+            is blended.
+    """
+    describe = batch.tokens[:, 0] == signal_index("describe")
+    both = describe & describe[partner]
+    share = torch.where(both, share, 1.0)
+    weight = share[:, None, None]
+    parts = vars(batch) | {
+        "keys": weight * batch.keys + (1 - weight) * batch.keys[partner],
+        "frames": torch.where(both, batch.frames.maximum(batch.frames[partner]), batch.frames),
+    }
+    return Blended(**parts, other_words=batch.words[partner], share=share)
 
 
 def table() -> list[dict[str, str]]:

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from ptae_lite.dataset import Samples, fit_scaling, prepare
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
-from ptae_lite.signals import PTAE_MIX, Mix, Source, build, signal_number
+from ptae_lite.signals import PTAE_MIX, Mix, Source, blend, build, signal_number
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class Recipe:
     # ours; 5 would be the paper's text, which sums over joints where its code averages
     action_weight: float = 10.0
     hold: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
+    mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.blend`
     supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
     exponent: float | None = None  # ours; None: what suits the data, `Samples.exponent`
     seed: int = 0
@@ -66,6 +67,15 @@ def draw_signals(
     rows = [[signal_number(s) for s in group] * (width // len(group)) for group in groups]
     row = (rng.random(count) < supervised).astype(int)
     return torch.from_numpy(np.array(rows)[row, rng.integers(0, width, count)])
+
+
+def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
+    """Shares from a half to one, and for each sample of a signal another one of the same."""
+    share, partner = rng.uniform(0.5, 1.0, len(signals)), np.arange(len(signals))
+    for signal in signals.unique().numpy():
+        same = np.flatnonzero(signals.numpy() == signal)
+        partner[same] = rng.permutation(same)
+    return torch.from_numpy(share.astype(np.float32)), torch.from_numpy(partner)
 
 
 def epoch_batches(
@@ -194,6 +204,8 @@ def train(
         for part, signals in batches:
             alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
             batch = build(source, torch.from_numpy(part), signals, alternative, recipe.hold)
+            if recipe.mixup:
+                batch = blend(batch, *draw_partners(rng, signals))
             with torch.device(device):  # what a model makes itself belongs there, too
                 costs = network.costs(batch.to(device))
             optimiser.zero_grad()

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import VOCABULARY, WORD_INDEX, Meaning, words_of
-from ptae_lite.signals import Batch
+from ptae_lite.signals import Batch, Blended
 
 
 class Answer(NamedTuple):
@@ -34,9 +34,14 @@ def losses(
     Args:
         word_weights: what each word's cross-entropy is multiplied by where it is the one asked for.
     """
-    chosen = answer.words.gather(2, batch.words[..., None])[..., 0]
-    if word_weights is not None:
-        chosen = chosen * word_weights[batch.words]
+
+    def said(words: Tensor) -> Tensor:
+        chosen = answer.words.gather(2, words[..., None])[..., 0]
+        return chosen if word_weights is None else chosen * word_weights[words]
+
+    chosen = said(batch.words)
+    if isinstance(batch, Blended):
+        chosen = torch.lerp(said(batch.other_words), chosen, batch.share[:, None])
     steps = batch.word_mask.to(chosen.dtype)
     language = (-(chosen * steps).sum(1) / steps.sum(1)).mean()
     error = answer.joints * batch.step_mask[..., None] - batch.joints
