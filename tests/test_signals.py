@@ -161,7 +161,9 @@ def test_only_padding_tells_a_fast_clip_from_a_slow_one(samples, scaling):
         number = torch.full((len(slow),), signals.signal_number("describe"))
         batch = signals.build(source, torch.from_numpy(slow), number, torch.zeros_like(number))
         with torch.no_grad():
-            return model.encode(replace(batch, keys=batch.keys[:, :frames]))[0]
+            words = model.words_in(batch.tokens, batch.token_mask)
+            inside = torch.ones(len(slow), frames, dtype=torch.bool)
+            return model.encoder(words, batch.token_mask, batch.keys[:, :frames], inside)[0]
 
     whole = codes(samples, 100)
     cut, padded = codes(thin, 50), codes(thin, 100)

@@ -164,7 +164,7 @@ def test_a_frame_that_is_not_stored_is_refused_with_those_that_are():
 def test_the_stored_recording_loads_with_its_features():
     samples = dataset.load()
     sizes = {name: len(samples.split(name)) for name in SPLITS}
-    assert sizes == {"train": 648, "test": 216, "held_out": 108, "fit": 540}
+    assert sizes == {"train": 648, "test": 216, "held_out": 96, "fit": 552}
     assert samples.features.shape == (864, 100, 30)
     inside = np.arange(100) < samples.frames[:, None]
     for array in (samples.joints, samples.features, samples.cubes):

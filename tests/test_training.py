@@ -194,7 +194,8 @@ def test_scaling_whitens_features_and_brings_joints_to_their_room(samples, scali
     inside = np.arange(100) < samples.frames[train, None]
     joints = scaling.joints(samples.joints[train][inside])
     np.testing.assert_allclose([joints.min(0), joints.max(0)], [[-0.9] * 5, [0.9] * 5], atol=1e-6)
-    features = scaling.features(samples.features[train][inside])
+    whitened = fit_scaling(samples, train, 0.5)
+    features = whitened.features(samples.features[train][inside])
     np.testing.assert_allclose(features.mean(0), 0, atol=1e-6)
     np.testing.assert_allclose(np.cov(features, rowvar=False), 0.25 * np.eye(6), atol=1e-3)
 

@@ -7,7 +7,7 @@ that count as labelled ever take part in a supervised signal.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from math import lcm
 
 import numpy as np
@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor, nn
 
-from ptae_lite.dataset import Samples, fit_scaling, prepare
+from ptae_lite.dataset import HALF_WHITE, Samples, fit_scaling, prepare
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
 from ptae_lite.signals import PTAE_MIX, Mix, Source, blend, build, signal_number
@@ -38,7 +38,7 @@ class Recipe:
     hold: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
     mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.blend`
     supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
-    exponent: float | None = None  # ours; None: what suits the data, `Samples.exponent`
+    exponent: float = HALF_WHITE  # ours, of the features' whitening, see `dataset.fit_scaling`
     seed: int = 0
 
     def __post_init__(self):
@@ -161,8 +161,6 @@ def train(
         config or make_config(features=samples.features.shape[2]),
     )
     mix = config.mix
-    if recipe.exponent is None:
-        recipe = replace(recipe, exponent=samples.exponent)
     indices = samples.split(split)
     if labelled is not None and len(np.setdiff1d(labelled, indices)):
         raise ConfigError(f"labelled samples must belong to the split {split!r}")
