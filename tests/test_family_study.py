@@ -95,8 +95,9 @@ def test_a_variant_that_does_not_exist_is_refused(few, tmp_path):
 
 def test_every_claim_is_about_variants_that_are_trained():
     assert all(name in family.VARIANTS for pair in family.CLAIMS.values() for name in pair)
-    for model, choices in family.VARIANTS.values():
-        checkpoint.MODELS[model][1](**choices)  # each is a configuration that exists
+    for model, choices, recipe in family.VARIANTS.values():  # each exists
+        checkpoint.MODELS[model][1](**choices)
+        Recipe(**recipe)
 
 
 def test_the_command_runs_the_study(few, quick, tmp_path, monkeypatch, capsys):

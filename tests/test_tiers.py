@@ -31,7 +31,7 @@ def test_an_unknown_tier_is_refused_with_those_there_are(monkeypatch, name):
 
 
 def claims():
-    for name in ("REGULAR", "DESCRIBE_BY_SAMPLES", "THREE_CONFLICTS"):
+    for name in ("REGULAR", "PGAE", "DESCRIBE_BY_SAMPLES", "THREE_CONFLICTS"):
         for key, claim in getattr(published, name).items():
             yield pytest.param(claim, id=f"{name} {key}")
 

@@ -44,11 +44,10 @@ THREE_CONFLICTS = {
     "repeat action": Claim(1.09, "NRMSE rises from 1.03 to 1.09 %", "conflict results"),
 }
 
-# What the text says of PGAE, the model before.
+# What the text says of PGAE, the model before, on the same data.
 PGAE = {
     "execute_nrmse": Claim(0.5, "below 0.5 % in the regular training", "limited samples results"),
 }
-PARAMETERS = {"ptae": 1_500_000, "pgae": 657_000}  # "about 1.5M", "a little over 657K"
 
 # The published code's training, and what a step of it takes: 99 single-step calls through the
 # layers, measured on one thread of this book's test machine with the published classes.

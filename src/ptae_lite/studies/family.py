@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,19 +24,28 @@ from ptae_lite.signals import Source
 from ptae_lite.studies import tables
 from ptae_lite.training import RECIPES, Recipe, train
 
-# What is trained: a name, the model, and how its configuration differs from the regular one.
+
+class Variant(NamedTuple):
+    """What is trained: a model, and how its configuration and recipe differ from the regular."""
+
+    model: str
+    choices: dict = {}
+    recipe: dict = {}
+
+
 VARIANTS = {
-    "PTAE": ("ptae", {}),
-    "PGAE": ("pgae", {}),
-    "PVAE": ("pvae", {}),
-    "PTAE, action asks": ("ptae", {"queries": "action"}),
-    "PTAE, repeat both": ("ptae", {"repeat_both": True}),
-    "PGAE, no repeat both": ("pgae", {"repeat_both": False}),
-    "PTAE, words weighed": ("ptae", {"weigh_words": True}),
-    "PTAE, LSTM encoders": ("ptae", {"language_encoder": "lstm", "action_encoder": "lstm"}),
-    "PTAE, first frame only": ("ptae", {"film": "first"}),
-    "PTAE, clock": ("ptae", {"clock": True}),
-    "PRAE": ("prae", {}),
+    "PTAE": Variant("ptae"),
+    "PGAE": Variant("pgae"),
+    "PVAE": Variant("pvae"),
+    "PTAE, action asks": Variant("ptae", {"queries": "action"}),
+    "PTAE, repeat both": Variant("ptae", {"repeat_both": True}),
+    "PGAE, no repeat both": Variant("pgae", {"repeat_both": False}),
+    "PTAE, words weighed": Variant("ptae", {"weigh_words": True}),
+    "PTAE, LSTM encoders": Variant("ptae", {"language_encoder": "lstm", "action_encoder": "lstm"}),
+    "PTAE, first frame only": Variant("ptae", {"film": "first"}),
+    "PTAE, clock": Variant("ptae", {"clock": True}),
+    "PTAE, no blends": Variant("ptae", recipe={"mixup": False}),
+    "PRAE": Variant("prae"),
 }
 # Sentences of the paper, and the two rows that each is about: what it says is better, and worse.
 CLAIMS = {
@@ -52,9 +62,9 @@ EVERY = 5  # epochs between two points of a curve
 
 def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = None, weights=None):
     """Train one variant: its row and its curve. `weights` is a folder for the model, or None."""
-    model, choices = VARIANTS[variant]
+    model, choices, changes = VARIANTS[variant]
     config = MODELS[model][1](features=samples.features.shape[2], **choices)
-    recipe = replace(recipe or RECIPES[model], seed=seed)
+    recipe = replace(recipe or RECIPES[model], seed=seed, **changes)
     test, points, looking = samples.split("test"), [], 0.0
     begun = time.process_time()
 
