@@ -103,14 +103,23 @@ def do_evaluate(options) -> dict:
 
 def do_study(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import supervision
+    from ptae_lite.studies import eyes, eyes_ptae, supervision
 
     torch.set_num_threads(options.threads)
-    table = supervision.study(
-        dataset.load(options.data), options.out, options.shares, options.seeds,
-        progress=lambda jobs: bar(jobs, desc="trainings"),
-    )  # fmt: skip
-    return {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+    out, name = options.out, options.name
+
+    def progress(jobs):
+        return bar(jobs, desc="trainings")
+
+    if name == "supervision":
+        samples = dataset.load(options.data)
+        table = supervision.study(samples, out, options.shares, options.seeds, progress=progress)
+    elif name == "eyes":  # needs a recording's images, and no features
+        samples, recording = dataset.load(), options.recording
+        table = eyes.study(samples, recording, out, options.eyes, options.seeds, progress=progress)
+    else:
+        table = eyes_ptae.study(dataset.load(), out, options.eyes, options.seeds, progress=progress)
+    return {"table": str(Path(out) / f"{name.replace('-', '_')}.csv"), "rows": len(table)}
 
 
 def _caution(samples) -> dict:
@@ -198,12 +207,15 @@ def parser() -> argparse.ArgumentParser:
     test.add_argument("--threads", type=int, default=1, help="threads")
 
     study = command("study", do_study, "Run an experiment; rows that are there are not run again.")
-    study.add_argument("name", choices=("supervision",), help="which experiment")
+    study.add_argument("name", choices=("supervision", "eyes", "eyes-ptae"),
+                       help="which experiment")  # fmt: skip
     study.add_argument("--data", default="recording",
                        help=DATA_HELP)  # fmt: skip
     study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
                        help="labelled samples in percent")  # fmt: skip
     study.add_argument("--seeds", type=int, nargs="+", default=[0], help="one training for each")
+    study.add_argument("--recording", default=RECORDING, help="a recording's folder, for eyes")
+    study.add_argument("--eyes", default="build/eyes", help="folder of the eyes and their features")
     study.add_argument("--threads", type=int, default=1, help="threads inside one training")
     study.add_argument("--out", default="build/results", help="folder of the tables")
     return main
