@@ -200,6 +200,21 @@ def test_a_row_is_what_a_training_of_that_length_gives(study):
         assert table["separated 3x10", 0, presentations, "test"] == sum_of(eye)
 
 
+def test_drawings_are_of_each_eye_at_its_longest(study):
+    study()
+    with np.load(study.folder / "eyes_drawings.npz") as file:
+        shown = dict(file)
+    assert list(shown) == ["separated 3x10", "plain 10", "PCA 10"]
+    weights = study.folder / "work" / "separated_3x10_seed0" / "eye_20.safetensors"
+    with torch.no_grad():
+        expected = vision.load_eye(weights)(vision.as_input(frames.images(eye_scores.DRAWN)))
+    found = shown["separated 3x10"]
+    assert found.dtype == np.uint8 and found.shape == (4, 120, 160, 3)
+    np.testing.assert_allclose(found / 255, expected.permute(0, 2, 3, 1), atol=0.002)
+    splits = {pattern(key[0]).split for key in eye_scores.DRAWN}
+    assert splits == {"test"}
+
+
 def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
     whole = study((0,), work="other").drop(columns="seconds")
     (study.folder / "eyes.csv").unlink()

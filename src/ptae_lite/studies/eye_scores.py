@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ptae_lite import readout, vision
+from ptae_lite import frames, readout, vision
 from ptae_lite.dataset import Samples
 from ptae_lite.robot.recorder import load_sequence
 
 MOMENTS = ("first", "early", "late", "last")  # the frames of each sample that are looked at
+DRAWN = ((9, 0, 0), (14, 3, 55), (6, 1, 35), (9, 2, 45))  # frames of test patterns
 READERS = {"test": "train", "held_out": "fit"}  # scored on: fitted on
 
 
@@ -81,3 +82,10 @@ def pixel_errors(eye, images: np.ndarray) -> dict[str, float]:
             sums[i] += float(part.sum())
             counts[i] += part.numel()
     return dict(zip(("pixel_error", "colour_pixel_error"), np.sqrt(sums / counts), strict=True))
+
+
+@torch.no_grad()
+def drawn(eye, images: np.ndarray | None = None) -> np.ndarray:
+    """Images (the stored frames `DRAWN` if None) as an eye draws them again, as bytes."""
+    x = vision.as_input(frames.images(DRAWN) if images is None else images)
+    return (255 * eye(x).permute(0, 2, 3, 1).numpy()).round().astype(np.uint8)

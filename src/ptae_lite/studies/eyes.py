@@ -200,7 +200,20 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         weights = bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
         if not features_are_of(bench.place(name, seed) / "features.npz", weights):
             bench.write_features(name, seed, weights)
+    write_drawings(bench, seeds[0], checkpoints)
     return bench.rows()
+
+
+def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
+    """`eyes_drawings.npz`: four test images as each eye of a seed draws them (`eye_scores.DRAWN`)."""
+    shown = {}
+    for name in (*checkpoints, *PCAS):
+        if name in PCAS:
+            weights = bench.place(name, 0) / "eye.safetensors"
+        else:
+            weights = bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
+        shown[name] = eye_scores.drawn(vision.load_eye(weights))
+    np.savez_compressed(bench.table.with_name("eyes_drawings.npz"), **shown)
 
 
 def features_are_of(path: Path, weights: Path) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ptae_lite import dataset
+from ptae_lite import artefacts, dataset
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import RecordingError
 from ptae_lite.evaluation import evaluate
@@ -19,6 +19,7 @@ from ptae_lite.studies.eyes import CAES, PCAS, added, folder_of, write_whole
 from ptae_lite.training import RECIPES, train
 
 KEY = ["eye", "seed"]
+NAME = "results/eyes_ptae.csv"
 
 
 def jobs_in(work, seeds) -> list[tuple[str, int, Path]]:
@@ -45,6 +46,13 @@ def run_one(samples: Samples, features: Path, seed: int) -> dict[str, float]:
     trained = train(seen, replace(RECIPES["ptae"], seed=seed))
     row = {"steps": trained.about["steps"], "seconds": round(time.perf_counter() - begun)}
     return row | {name: round(v, 3) for name, v in evaluate(trained, seen).items()}
+
+
+def stored() -> pd.DataFrame:
+    """The stored table; one without rows as long as `data/` has none."""
+    if NAME in artefacts.manifest():
+        return pd.read_csv(artefacts.stored(NAME))
+    return pd.DataFrame(columns=[*KEY, "describe_accuracy", "execute_nrmse"])
 
 
 def study(samples: Samples, folder, work, seeds=(0, 1, 2),
