@@ -205,7 +205,7 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
 
 
 def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
-    """`eyes_drawings.npz`: four test images as each eye of a seed draws them (`eye_scores.DRAWN`)."""
+    """`eyes_drawings.npz`: the test images of `eye_scores.DRAWN`, drawn by each eye of a seed."""
     shown = {}
     for name in (*checkpoints, *PCAS):
         if name in PCAS:
