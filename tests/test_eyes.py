@@ -232,54 +232,6 @@ def test_a_checkpoint_that_has_been_passed_is_refused(study):
         study((0,), {"separated 3x10": (0, 12)})
 
 
-def rows_of(*lengths, eye="plain 10", seeds=(0,)):
-    """Rows whose `lengths` are (presentations, pixel error, place, both first, both last)."""
-    columns = ("presentations", "pixel_error", "first_place_mm", "first_both", "last_both")
-    one = pd.DataFrame(lengths, columns=columns).assign(eye=eye, split="held_out")
-    return pd.concat([one.assign(seed=seed) for seed in seeds], ignore_index=True)
-
-
-def test_what_hardly_changes_when_doubled_has_levelled_off():
-    table = rows_of((0, 1, 9, 0, 0), (100, 0.10, 3.0, 80, 60), (200, 0.095, 2.8, 82, 58))
-    level = eyes.levelled(table)
-    assert level["plain 10"].to_dict() == {0: False, 100: False, 200: True}
-
-
-@pytest.mark.parametrize(
-    "after", [(0.089, 3, 80, 60), (0.1, 3.4, 80, 60), (0.1, 3, 76, 60), (0.1, 3, 80, 64)]
-)
-def test_what_changes_for_better_or_worse_has_not(after):
-    table = rows_of((100, 0.1, 3, 80, 60), (200, *after))
-    assert not eyes.levelled(table)["plain 10", 200]
-
-
-def test_the_mean_over_seeds_counts_and_only_seeds_that_both_have():
-    up, down = (
-        rows_of((100, 0.1, 3, 80, 60), (200, 0.1, 3, 86, 60)),
-        rows_of((100, 0.1, 3, 86, 60), (200, 0.1, 3, 80, 60), seeds=(1,)),
-    )
-    assert not eyes.levelled(up)["plain 10", 200]
-    both = pd.concat([up, down])
-    assert eyes.levelled(both)["plain 10", 200]
-    short = rows_of((100, 0.1, 3, 20, 60), seeds=(2,))
-    assert eyes.levelled(pd.concat([both, short]))["plain 10", 200]
-
-
-def test_a_length_is_held_against_the_nearest_one_of_half_or_less():
-    table = rows_of((50, 0.3, 3, 80, 60), (100, 0.2, 3, 80, 60), (150, 0.1, 3, 80, 60),
-                    (201, 0.19, 3, 80, 60))  # fmt: skip
-    assert eyes.levelled(table)["plain 10"].to_dict() == {
-        50: False, 100: False, 150: False, 201: True
-    }  # fmt: skip
-
-
-def test_pca_does_not_count_and_test_scores_do_not_matter():
-    table = rows_of((100, 0.1, 3, 80, 60), (200, 0.1, 3, 80, 60))
-    other = rows_of((100, 0.1, 3, 80, 60), (200, 0.5, 9, 20, 20)).assign(split="test")
-    level = eyes.levelled(pd.concat([table, other, table.assign(eye="PCA 10")]))
-    assert level["plain 10", 200] and set(level.index.get_level_values(0)) == {"plain 10"}
-
-
 @pytest.fixture
 def work(seen, tmp_path):
     """Features of two eyes, one without chance."""

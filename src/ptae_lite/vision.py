@@ -165,6 +165,12 @@ WARM_UP = 50  # steps until the learning rate is reached
 DECAY = 0.2  # of all steps: the share at the end in which it falls to zero
 
 
+def rate_share(step: int, steps: int | None) -> float:
+    """The learning rate at a step (from 0), as a share of the recipe's; `steps` as in `go`."""
+    share = min(1, (step + 1) / WARM_UP)
+    return share if steps is None else min(share, (steps - step) / (DECAY * steps))
+
+
 class EyeTraining:
     """The training of a fresh CAE, which can be stopped, copied and gone on with.
 
@@ -193,11 +199,8 @@ class EyeTraining:
         for step in progress(range(self.step, until)):
             rng = np.random.default_rng([self.recipe.seed, step])
             x = as_input(images[rng.integers(0, len(images), self.recipe.batch)])
-            share = min(1, (step + 1) / WARM_UP)
-            if steps is not None:
-                share = min(share, (steps - step) / (DECAY * steps))
             for group in self.optimiser.param_groups:
-                group["lr"] = self.recipe.learning_rate * share
+                group["lr"] = self.recipe.learning_rate * rate_share(step, steps)
             loss = PixelCrossEntropy.apply(self.eye.logits(x), x, value)
             self.optimiser.zero_grad()
             loss.backward()

@@ -222,29 +222,3 @@ def features_are_of(path: Path, weights: Path) -> bool:
         return False
     with np.load(path, allow_pickle=False) as file:
         return str(file["eye"]) == artefacts.sha256(weights)
-
-
-ERRORS, COLOURS = ("pixel_error", "first_place_mm"), ("first_both", "last_both")
-
-
-def levelled(rows: pd.DataFrame) -> pd.Series:
-    """Which lengths have levelled off: a table by eye and presentations, on held-out patterns.
-
-    The rule, for the mean over the seeds that both have: against the nearest training of half the
-    length or less, the error of the drawing and that of the places of first frames changed by less
-    than a tenth, and both colours of first frames and of last ones by less than three points.
-    """
-    measures, found = [*ERRORS, *COLOURS], {}
-    own = rows[(rows["split"] == "held_out") & rows["eye"].isin(CAES)]
-    for eye, runs in own.groupby("eye", sort=False):
-        of = {n: run.set_index("seed")[measures] for n, run in runs.groupby("presentations")}
-        for presentations, now in of.items():
-            shorter = [n for n in of if 0 < n <= presentations / 2]
-            if not shorter:
-                found[eye, presentations] = False
-                continue
-            before = of[max(shorter)]
-            change, size = (now - before).mean().abs(), before.mean()
-            calm = (change[[*ERRORS]] < 0.1 * size[[*ERRORS]]).all()
-            found[eye, presentations] = bool(calm and (change[[*COLOURS]] < 3).all())
-    return pd.Series(found)
