@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts, dataset, frames, vision
+from ptae_lite import artefacts, dataset, frames, readout, vision
 from ptae_lite.errors import ConfigError, RecordingError
 from ptae_lite.language import COLOURS, pattern
 from ptae_lite.studies import eye_scores, eyes, eyes_ptae
@@ -76,7 +76,9 @@ def test_moments_are_in_order_and_within_the_clip(samples):
 @pytest.mark.parametrize("split", eye_scores.READERS)
 def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
     found = eye_scores.scores(Reads(), pictures, seen, split)
-    for name in ("first_left", "first_right", "first_both", "last_both", "first_act", "last_act"):
+    whole = ("first_left", "first_right", "first_both", "last_both", "first_act", "last_act",
+             "first_both_products", "last_both_products")  # fmt: skip
+    for name in whole:
         assert found[name] == 100
     assert found["first_place_mm"] < 1 and found["last_place_mm"] < 1
     assert found["joints_r2"] > 0.99
@@ -85,6 +87,24 @@ def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
 def test_an_eye_that_says_only_places_knows_no_colours(seen, pictures):
     found = eye_scores.scores(Reads(4), pictures, seen, "test")
     assert found["first_place_mm"] < 1 and found["first_both"] < 20 and found["joints_r2"] < 0.05
+
+
+def test_products_read_what_a_sum_cannot():
+    """Whether two signs agree: half of it in the sum, all of it in the product."""
+    rng = np.random.default_rng(0)
+    signs = rng.choice([-1.0, 1.0], (400, 2))
+    labels, known, asked = (
+        (signs[:, 0] == signs[:, 1]).astype(int),
+        np.arange(300),
+        np.arange(300, 400),
+    )
+    more = eye_scores.with_products(np.c_[7 + 3 * signs, np.full(400, 5.0)], known)
+    assert more.shape == (400, 3 + 6)
+    np.testing.assert_allclose(more[known][:, :2].std(0), 1)
+    np.testing.assert_allclose(more[:, 3:6], more[:, :1] * more[:, :3])
+    for inputs, low, high in ((signs, 0, 70), (more, 99, 100)):
+        read = readout.fit_labels(inputs[known], labels[known])
+        assert low <= 100 * (read.labels(inputs[asked]) == labels[asked]).mean() <= high
 
 
 def test_scores_of_a_split_are_read_from_that_split_alone(seen, pictures):

@@ -7,6 +7,7 @@ import torch
 
 from ptae_lite import frames, readout, vision
 from ptae_lite.dataset import Samples
+from ptae_lite.language import SIDES
 from ptae_lite.robot.recorder import load_sequence
 
 MOMENTS = ("first", "early", "late", "last")  # the frames of each sample that are looked at
@@ -38,11 +39,15 @@ def scores(eye, images: np.ndarray, samples: Samples, split: str) -> dict[str, f
 
     found = {}
     for at, name in ((0, "first"), (3, "last")):
-        seen, hits = codes[:, at], []
-        for side, labels in readout.colours(samples).items():
-            hits.append(read(readout.fit_labels, seen, labels).labels(seen[asked]) == labels[asked])
-            found[f"{name}_{side}"] = 100 * hits[-1].mean()
-        found[f"{name}_both"] = 100 * (hits[0] & hits[1]).mean()
+        seen = codes[:, at]
+        for kind, inputs in (("", seen), ("_products", with_products(seen, known))):
+            hits = [
+                read(readout.fit_labels, inputs, labels).labels(inputs[asked]) == labels[asked]
+                for labels in readout.colours(samples).values()
+            ]
+            found[f"{name}_both{kind}"] = 100 * (hits[0] & hits[1]).mean()
+            if not kind:
+                found |= {f"{name}_{s}": 100 * h.mean() for s, h in zip(SIDES, hits, strict=True)}
         frame = moments(samples)[:, at]
         places = 1000 * samples.cubes[np.arange(len(frame)), frame, :, :2].reshape(-1, 4)
         off = read(readout.fit_numbers, seen, places).numbers(seen[asked]) - places[asked]
@@ -53,6 +58,14 @@ def scores(eye, images: np.ndarray, samples: Samples, split: str) -> dict[str, f
     found["joints_r2"] = joints_r2(codes, samples, known, asked)
     found |= pixel_errors(eye, images[asked])
     return {name: round(float(value), 4) for name, value in found.items()}
+
+
+def with_products(inputs: np.ndarray, known) -> np.ndarray:
+    """Features at unit spread (over the samples `known`) and the products of any two of them."""
+    spread = inputs[known].std(0)
+    unit = (inputs - inputs[known].mean(0)) / np.where(spread > 0, spread, 1)
+    a, b = np.triu_indices(unit.shape[1])
+    return np.c_[unit, unit[:, a] * unit[:, b]]
 
 
 def joints_r2(codes, samples: Samples, known, asked) -> float:
