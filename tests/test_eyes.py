@@ -75,7 +75,7 @@ def test_moments_are_in_order_and_within_the_clip(samples):
 
 @pytest.mark.parametrize("split", eye_scores.READERS)
 def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
-    found = eye_scores.scores(Reads(), pictures, seen, split)
+    found = eye_scores.scores(Reads(), pictures, seen)[split]
     whole = ("first_left", "first_right", "first_both", "last_both", "first_act", "last_act",
              "first_both_products", "last_both_products")  # fmt: skip
     for name in whole:
@@ -85,7 +85,7 @@ def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
 
 
 def test_an_eye_that_says_only_places_knows_no_colours(seen, pictures):
-    found = eye_scores.scores(Reads(4), pictures, seen, "test")
+    found = eye_scores.scores(Reads(4), pictures, seen)["test"]
     assert found["first_place_mm"] < 1 and found["first_both"] < 20 and found["joints_r2"] < 0.05
 
 
@@ -109,13 +109,14 @@ def test_products_read_what_a_sum_cannot():
 
 def test_scores_of_a_split_are_read_from_that_split_alone(seen, pictures):
     """Other pictures for the test samples change no score on held-out ones, and the other way."""
+    before = eye_scores.scores(Reads(), pictures, seen)
     for changed, other in (("test", "held_out"), ("held_out", "test")):
         spoilt = pictures.copy()
         spoilt[seen.split(changed), :, :100] = 7
+        after = eye_scores.scores(Reads(), spoilt, seen)
         same = other == "held_out"  # held-out samples are fitted on for the test
-        before, after = (eye_scores.scores(Reads(), x, seen, other) for x in (pictures, spoilt))
-        assert (before == after) is same
-        assert eye_scores.scores(Reads(), spoilt, seen, changed)["first_both"] < 20
+        assert (before[other] == after[other]) is same
+        assert after[changed]["first_both"] < 20
 
 
 def test_the_error_of_a_drawing_is_over_all_pixels_and_over_coloured_ones():
@@ -124,8 +125,8 @@ def test_the_error_of_a_drawing_is_over_all_pixels_and_over_coloured_ones():
     images[1, 3, :30, :, 0] = 204  # red, 0.8: 90 of 480 x 160 rows of pixels
     found = eye_scores.pixel_errors(Reads(), images)
     squares = (0.5 * 0.4**2 + 0.25 * 0.8**2 / 3) / 8
-    assert found["pixel_error"] == pytest.approx(squares**0.5, rel=1e-5)
-    assert found["colour_pixel_error"] == pytest.approx((0.8**2 / 3) ** 0.5, rel=1e-5)
+    assert found["pixel_error"] == pytest.approx(squares**0.5, abs=5e-5)
+    assert found["colour_pixel_error"] == pytest.approx((0.8**2 / 3) ** 0.5, abs=5e-5)
 
 
 def test_arithmetic_is_counted_by_hand():
@@ -168,8 +169,9 @@ def study(seen, monkeypatch, tmp_path):
     monkeypatch.setattr(eyes, "samples_in_order", lambda: [(0, 0), (1, 0)])
     clip = type("Clip", (), {"images": images[:3]})
     monkeypatch.setattr(eyes, "load_sequence", lambda folder, *sample: clip)
+    both = eye_scores.READERS
     monkeypatch.setattr(
-        eye_scores, "scores", lambda eye, looks, samples, split: {"sum": sum_of(eye)}
+        eye_scores, "scores", lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both}
     )
 
     def run(seeds=(0,), checkpoints=STEPS, work="work"):

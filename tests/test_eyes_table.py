@@ -10,7 +10,7 @@ from ptae_lite.studies import eyes, eyes_table
 def rows_of(*lengths, eye="plain 10", seeds=(0,)):
     """Rows whose `lengths` are (presentations, pixel error, place, both first, both last)."""
     columns = ("presentations", "pixel_error", "first_place_mm", "first_both", "last_both")
-    one = pd.DataFrame(lengths, columns=columns).assign(eye=eye, split="held_out")
+    one = pd.DataFrame(lengths, columns=columns).assign(eye=eye, split="held_out", gflop=5000.0)
     return pd.concat([one.assign(seed=seed) for seed in seeds], ignore_index=True)
 
 
@@ -70,6 +70,7 @@ def test_rows_are_taken_at_each_eyes_own_length():
     rows = pd.concat([rows_of((1, 5, 0, 0, 0), (2, 6, 0, 0, 0), eye=e) for e in ("a", "b")])
     found = eyes_table.at(rows, {"b": 1, "a": 2}, "held_out")
     assert found[["eye", "pixel_error"]].values.tolist() == [["b", 5], ["a", 6]]
+    assert found["thousands"].tolist() == [0.001, 0.002] and (found["tflop"] == 5).all()
     with pytest.raises(ConfigError, match="the table has no b of 3 presentations"):
         eyes_table.at(rows, {"a": 1, "b": 3}, "held_out")
     with pytest.raises(ConfigError, match="no a of 1 pres"):
@@ -79,7 +80,7 @@ def test_rows_are_taken_at_each_eyes_own_length():
 def test_a_summary_gives_mean_lowest_and_highest_of_the_seeds():
     parts = [rows_of((1, 10.0 + s, 4, 0, 0), seeds=(s,)) for s in (0, 1, 5)]
     rows = pd.concat([*parts, rows_of((1, 3.04, 4, 0, 0), eye="PCA 10")])
-    table = eyes_table.summary(rows, {"pixel_error": "error", "first_place_mm": "mm"})
+    table = eyes_table.summary(rows, {"pixel_error": ("error", 1), "first_place_mm": ("mm", 2)})
     assert table.index.tolist() == ["plain 10", "PCA 10"]
-    assert table.loc["plain 10"].tolist() == ["3", "12.0 (10.0 to 15.0)", "4.0"]
-    assert table.loc["PCA 10"].tolist() == ["1", "3.0", "4.0"]
+    assert table.loc["plain 10"].tolist() == ["3", "12.0 (10.0-15.0)", "4.00"]
+    assert table.loc["PCA 10"].tolist() == ["1", "3.0", "4.00"]

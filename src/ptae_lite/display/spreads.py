@@ -22,7 +22,7 @@ def spreads(
     x_label: str,
     levels: Mapping[str, pd.Series] | None = None,
 ) -> Figure:
-    """A panel for each column in `panels` (with its label) over the column `x`, on a log scale.
+    """A panel for each column in `panels` (with its label) over the column `x`.
 
     Rows with the same `group` have one colour; `levels` are rows without a place along `x`.
     Raises `PTAEError` where there are more groups than looks to tell them apart.
@@ -41,6 +41,6 @@ def spreads(
         for k, (name, level) in enumerate((levels or {}).items()):
             colour = (style.GREY, style.PURPLE, style.SKY)[k % 3]
             axes.axhline(level[column], color=colour, ls=":", label=name)
-        axes.set(title=label, xlabel=x_label, xscale="log")
+        axes.set(title=label, xlabel=x_label)
     figure.legend(*row[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return style.closed(figure)

@@ -28,11 +28,22 @@ def look(folder, samples: Samples) -> np.ndarray:
     return np.stack([load_sequence(folder, int(p), int(v)).images[t] for p, v, t in pairs])
 
 
-def scores(eye, images: np.ndarray, samples: Samples, split: str) -> dict[str, float]:
-    """What can be read from an eye's features, and how well it draws, on samples of a split."""
-    known, asked = samples.split(READERS[split]), samples.split(split)
+def scores(eye, images: np.ndarray, samples: Samples) -> dict[str, dict[str, float]]:
+    """What can be read from an eye's features, and how well it draws, for each split in `READERS`.
+
+    `images` are those of `look`.
+    """
     codes = vision.encode_images(eye, images.reshape(-1, *images.shape[2:]))
     codes = codes.reshape(*images.shape[:2], -1)
+    return {
+        split: read_out(codes, samples, split) | pixel_errors(eye, images[samples.split(split)])
+        for split in READERS
+    }
+
+
+def read_out(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float]:
+    """Read-outs of features (S, 4, F) at `moments`, in percent and millimetres."""
+    known, asked = samples.split(READERS[split]), samples.split(split)
 
     def read(fit, inputs, targets):
         return fit(inputs[known], targets[known])
@@ -56,7 +67,6 @@ def scores(eye, images: np.ndarray, samples: Samples, split: str) -> dict[str, f
         right = read(readout.fit_labels, seen, acts).labels(seen[asked]) == acts[asked]
         found[f"{name}_act"] = 100 * right.mean()
     found["joints_r2"] = joints_r2(codes, samples, known, asked)
-    found |= pixel_errors(eye, images[asked])
     return {name: round(float(value), 4) for name, value in found.items()}
 
 
@@ -94,7 +104,8 @@ def pixel_errors(eye, images: np.ndarray) -> dict[str, float]:
         for i, part in enumerate((square, square[coloured])):
             sums[i] += float(part.sum())
             counts[i] += part.numel()
-    return dict(zip(("pixel_error", "colour_pixel_error"), np.sqrt(sums / counts), strict=True))
+    errors = np.sqrt(sums / counts).round(4).tolist()
+    return dict(zip(("pixel_error", "colour_pixel_error"), errors, strict=True))
 
 
 @torch.no_grad()

@@ -62,10 +62,8 @@ class Bench:
 
     def write(self, eye, about: dict) -> None:
         """Add the two rows of an eye, one a split."""
-        made = [
-            about | {"split": split} | eye_scores.scores(eye, self.looks, self.samples, split)
-            for split in eye_scores.READERS
-        ]
+        scores = eye_scores.scores(eye, self.looks, self.samples)
+        made = [about | {"split": split} | found for split, found in scores.items()]
         write_whole(self.table, added(self.rows(), made), KEY)
 
     def place(self, name: str, seed: int) -> Path:

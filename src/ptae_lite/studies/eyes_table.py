@@ -15,26 +15,35 @@ EQUAL = {  # presentations of each eye in the two fair comparisons
 }
 
 
+def of(rows: pd.DataFrame, names, split: str = "test") -> pd.DataFrame:
+    """The rows of these eyes, in this order, with presentations in thousands and TFLOP."""
+    own = rows[rows["split"] == split]
+    found = pd.concat([own[own["eye"] == name] for name in names])
+    return found.assign(thousands=found["presentations"] / 1e3, tflop=found["gflop"] / 1e3)
+
+
 def at(rows: pd.DataFrame, lengths: Mapping[str, int], split: str = "test") -> pd.DataFrame:
     """The rows of eyes at the given presentations. Raises `ConfigError` where there is none."""
-    own = rows[rows["split"] == split]
-    parts = [own[(own["eye"] == e) & (own["presentations"] == n)] for e, n in lengths.items()]
-    for (eye, presentations), part in zip(lengths.items(), parts, strict=True):
-        if part.empty:
-            raise ConfigError(f"the table has no {eye} of {presentations} presentations")
-    return pd.concat(parts)
+    own = of(rows, lengths, split)
+    found = own[own["presentations"] == own["eye"].map(lengths)]
+    for eye in lengths:
+        if eye not in set(found["eye"]):
+            raise ConfigError(f"the table has no {eye} of {lengths[eye]} presentations")
+    return found
 
 
-def summary(rows: pd.DataFrame, measures: Mapping[str, str], digits: int = 1) -> pd.DataFrame:
-    """Mean over the seeds with the lowest and the highest, a line for each eye, in order."""
+def summary(rows: pd.DataFrame, measures: Mapping[str, tuple[str, int]]) -> pd.DataFrame:
+    """Mean over the seeds with the lowest and the highest, a line for each eye, in order.
+
+    `measures` says of a column its label and how many digits to show.
+    """
     table: dict = {}
     for eye, own in rows.groupby("eye", sort=False):
         table[eye] = {"seeds": str(own["seed"].nunique())}
-        for column, label in measures.items():
-            low, mean, high = (
-                f"{own[column].agg(how):.{digits}f}" for how in ("min", "mean", "max")
-            )
-            table[eye][label] = mean if low == high else f"{mean} ({low} to {high})"
+        for column, (label, digits) in measures.items():
+            of_seeds = (own[column].agg(how) for how in ("min", "mean", "max"))
+            low, mean, high = (f"{value:.{digits}f}" for value in of_seeds)
+            table[eye][label] = mean if low == high else f"{mean} ({low}-{high})"
     return pd.DataFrame(table).T
 
 
