@@ -15,6 +15,7 @@ import argparse
 import json
 import os
 import platform
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -80,6 +81,38 @@ def cae(options) -> list[Row]:
     return [row.extrapolate(times[WARM_UP:], recipe.steps, how)]
 
 
+def cae_step(options) -> list[Row]:
+    """A step of `EyeTraining` against one with the readable loss and channels first in memory."""
+    import torch
+    from torch.nn import functional
+
+    from ptae_lite import vision
+
+    images, rows = stored_images(ENCODED), []
+    for kind in vision.EYES:
+        fast = vision.EyeTraining(vision.make_eye(kind), vision.EyeRecipe())
+        slow = vision.make_eye(kind)
+        optimiser = torch.optim.Adam(slow.parameters(), lr=fast.recipe.learning_rate)
+
+        def readable(slow=slow, optimiser=optimiser, batch=fast.recipe.batch):
+            x = vision.as_input(images[:batch]).contiguous()
+            loss = functional.binary_cross_entropy(slow(x), x)
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+
+        def quick(fast=fast):
+            fast.go(images, fast.step + 1, value=False)
+
+        times = [[clocked(job) for job in (readable, quick)] for _ in range(WARM_UP + CAE_STEPS)]
+        ratios = sorted(a / b for a, b in times[WARM_UP:])
+        row = Row(f"{kind} CAE, readable step over fast step", 1.2, "x", at_most=False)
+        row.value, row.low, row.high = statistics.median(ratios), ratios[0], ratios[-1]
+        row.how = f"measured, {CAE_STEPS} steps each by turns"
+        rows.append(row)
+    return rows
+
+
 def features(options) -> list[Row]:
     from ptae_lite import artefacts, vision
     from ptae_lite.robot.recorder import load_sequence, samples_in_order
@@ -141,8 +174,11 @@ def chapters(options, root: Path = ROOT) -> list[Row]:
     return [*rows, whole]
 
 
-JOBS = {job.__name__: job for job in (recording, cae, features, steps, describing, ptae, chapters)}
-THREADS = {"cae": 2, "features": 2, "steps": 1, "describing": 1, "ptae": 1}
+JOBS = {
+    job.__name__: job
+    for job in (recording, cae, cae_step, features, steps, describing, ptae, chapters)
+}
+THREADS = {"cae": 2, "cae_step": 1, "features": 2, "steps": 1, "describing": 1, "ptae": 1}
 
 
 def main(arguments=None) -> int:

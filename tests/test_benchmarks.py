@@ -69,7 +69,16 @@ def test_json_holds_the_same_rows_and_the_machine(run, made, capsys):
 def test_an_unknown_name_is_refused_with_those_there_are(run, capsys):
     with pytest.raises(SystemExit):
         run.main(["speed"])
-    assert "no measure 'speed'; there are recording, cae, features" in capsys.readouterr().err
+    assert "no measure 'speed'; there are recording, cae, cae_step" in capsys.readouterr().err
+
+
+def test_the_fast_step_of_a_cae_is_measured_beside_the_readable_one(run, monkeypatch):
+    monkeypatch.setattr(run, "WARM_UP", 1)
+    monkeypatch.setattr(run, "CAE_STEPS", 3)
+    rows = run.cae_step(SimpleNamespace(full=False))
+    assert [row.measure.split()[0] for row in rows] == ["separated", "plain"]
+    for row in rows:
+        assert 0.3 < row.low <= row.value <= row.high < 30 and not row.at_most
 
 
 def test_chapters_are_read_from_the_last_build(run, tmp_path):

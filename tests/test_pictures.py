@@ -123,6 +123,12 @@ def test_a_png_is_small_and_the_same_bytes_each_time(cubes):
     assert Image.open(io.BytesIO(made)).format == "PNG"
 
 
+def test_a_chart_is_the_small_png():
+    figure = pictures.lines({"a": ([0, 1], [2, 3])}, "x", "y")
+    shown = pictures.chart(figure)
+    assert shown.format == "png" and shown.data == pictures.png(figure)
+
+
 def test_a_photo_is_a_jpeg_of_the_figure():
     shown = pictures.photo(pictures.grid({"a": [image(90)]}))
     assert Image.open(io.BytesIO(shown.data)).format == "JPEG"

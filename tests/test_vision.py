@@ -1,5 +1,8 @@
 """The eye: layers, separation of the channels, training and storing."""
 
+import copy
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -102,6 +105,81 @@ def test_images_of_another_shape_are_refused(unchecked, wrong):
 
 
 @pytest.mark.parametrize("kind", vision.EYES)
+def test_logits_are_the_drawing_before_its_sigmoid(kind):
+    eye, given = vision.make_eye(kind), torch.rand(2, 3, 120, 160)
+    torch.testing.assert_close(eye.logits(given).sigmoid(), eye(given))
+
+
+@pytest.mark.parametrize("value", [True, False])
+@pytest.mark.parametrize("kind", vision.EYES)
+def test_the_fast_loss_equals_the_readable_one(images, kind, value):
+    """Values and gradients, in either layout in memory."""
+    eye, x = vision.make_eye(kind).double(), vision.as_input(images).double()
+    readable = nn.functional.binary_cross_entropy(eye(x.contiguous()), x.contiguous())
+    readable.backward()
+    expected = [p.grad for p in eye.parameters()]
+    eye.zero_grad(set_to_none=True)
+    eye.to(memory_format=torch.channels_last)
+    quick = vision.PixelCrossEntropy.apply(eye.logits(x), x, value)
+    (1.0 * quick).backward()
+    assert quick.item() == pytest.approx(readable.item() if value else 0, rel=1e-9)
+    for p, gradient in zip(eye.parameters(), expected, strict=True):
+        torch.testing.assert_close(p.grad, gradient, rtol=1e-9, atol=1e-12)
+
+
+def test_the_gradient_of_the_loss_is_scaled_by_what_comes_after_it():
+    z, x = torch.randn(2, 1, 3, 3, requires_grad=True), torch.rand(2, 1, 3, 3)
+    (3 * vision.PixelCrossEntropy.apply(z, x)).backward()
+    torch.testing.assert_close(z.grad, 3 * (z.detach().sigmoid() - x) / 18)
+
+
+def test_images_become_numbers_from_0_to_1_channels_first(images, unchecked):
+    x = vision.as_input(images)
+    np.testing.assert_allclose(x.numpy(), images.transpose(0, 3, 1, 2) / 255, atol=1e-7)
+    with pytest.raises(ConfigError, match="images are B x 120 x 160 x 3 bytes, not"):
+        vision.as_input(images[:, :10])
+
+
+def test_a_long_training_passes_through_the_states_that_short_ones_end_from(images):
+    """Stopped, copied, and gone on with: what `train_eye` of that length gives."""
+
+    def weights(eye):
+        return torch.cat([p.flatten() for p in eye.parameters()])
+
+    recipe = vision.EyeRecipe(batch=2, seed=4)
+    long = vision.EyeTraining(vision.PlainCAE(3), recipe)
+    long.go(images, 4)
+    branch = copy.deepcopy(long)
+    branch.go(images, 5, 5)
+    long.go(images, 8, value=False)
+    for eye, steps in ((branch.eye, 5), (long.eye, None)):
+        alone = vision.PlainCAE(3)
+        if steps:
+            vision.train_eye(alone, images, replace(recipe, steps=steps))
+            assert torch.equal(weights(alone), weights(eye))
+    long.go(images, 10, 10)
+    alone = vision.PlainCAE(3)
+    vision.train_eye(alone, images, replace(recipe, steps=10))
+    assert torch.equal(weights(alone), weights(long.eye))
+
+
+def test_the_rate_rises_stays_and_falls_to_nearly_zero(images, monkeypatch):
+    rates, go = [], torch.optim.Adam.step
+
+    def step(self, *rest):
+        rates.append(self.param_groups[0]["lr"])
+        return go(self, *rest)
+
+    monkeypatch.setattr(torch.optim.Adam, "step", step)
+    monkeypatch.setattr(vision, "WARM_UP", 4)
+    recipe = vision.EyeRecipe(steps=20, batch=1, learning_rate=0.1)
+    vision.train_eye(vision.PlainCAE(1), images, recipe)
+    np.testing.assert_allclose(
+        rates, [0.025, 0.05, 0.075] + [0.1] * 14 + [0.075, 0.05, 0.025], atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("kind", vision.EYES)
 def test_a_short_training_lowers_the_loss(images, kind):
     recipe = vision.EyeRecipe(steps=12, batch=4, learning_rate=0.01)
     losses = vision.train_eye(vision.make_eye(kind), images, recipe)
@@ -146,7 +224,7 @@ def test_a_file_of_something_else_is_no_eye(tmp_path):
 
 
 def test_an_unknown_eye_is_refused_with_those_there_are():
-    with pytest.raises(ConfigError, match="no eye 'third'; there are separated, plain"):
+    with pytest.raises(ConfigError, match="no eye 'third'; there are separated, plain, pca, pca-"):
         vision.make_eye("third")
 
 

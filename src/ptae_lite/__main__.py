@@ -139,6 +139,28 @@ def _supervision(options) -> dict:
     return {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
 
 
+def _eyes(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import eyes
+
+    table = eyes.study(
+        dataset.load(), options.recording, options.out, options.eyes, options.seeds or (0, 1, 2),
+        progress=lambda jobs: bar(jobs, desc="trainings"),
+    )  # fmt: skip
+    return {"table": str(Path(options.out) / "eyes.csv"), "rows": len(table)}
+
+
+def _eyes_ptae(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import eyes_ptae
+
+    table = eyes_ptae.study(
+        dataset.load(), options.out, options.eyes, options.seeds or (0, 1, 2),
+        progress=lambda jobs: bar(jobs, desc="trainings"),
+    )  # fmt: skip
+    return {"table": str(Path(options.out) / "eyes_ptae.csv"), "rows": len(table)}
+
+
 def _family(options) -> dict:
     from ptae_lite import dataset
     from ptae_lite.studies import family
@@ -152,7 +174,9 @@ def _family(options) -> dict:
     return {"table": str(Path(options.out) / "family.csv"), "rows": len(table)} | _caution(samples)
 
 
-STUDIES = {"supervision": _supervision, "family": _family}
+STUDIES = {
+    "supervision": _supervision, "family": _family, "eyes": _eyes, "eyes-ptae": _eyes_ptae,
+}  # fmt: skip
 
 
 def _caution(samples) -> dict:
@@ -253,6 +277,9 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--seeds", type=int, nargs="+", help="one training for each")
     study.add_argument("--workers", type=int, default=1, help="family: trainings side by side")
     study.add_argument("--weights", metavar="FOLDER", help="family: keep the trained models here")
+    study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
+    study.add_argument("--eyes", default="build/eyes",
+                       help="eyes: folder of the CAEs and their features")  # fmt: skip
     study.add_argument("--threads", type=int, default=1, help="threads inside one training")
     study.add_argument("--out", default="build/results", help="folder of the tables")
     return main

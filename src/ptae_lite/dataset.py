@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -268,6 +268,21 @@ def _assemble(arrays: dict, features: dict, data, expected_eye: str | None) -> S
         cubes=_pad(arrays["cubes"], frames),
         touched=_pad(arrays["touched"], frames),
     )
+
+
+def with_features(samples: Samples, path) -> Samples:
+    """The same samples, seen by another eye, whose features `write_features` wrote to `path`.
+
+    Raises:
+        RecordingError: the file is missing or damaged, or holds another number of frames.
+    """
+    found = _read(Path(path))
+    missing = [name for name in ("features", "eye") if name not in found]
+    total = int(samples.frames.sum())
+    if missing or len(found["features"]) != total:
+        raise RecordingError(f"{path} does not hold features of {total} frames; make it again")
+    features = _pad(found["features"].astype(np.float32), samples.frames)
+    return replace(samples, features=features, eye=str(found["eye"]))
 
 
 def _pad(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:

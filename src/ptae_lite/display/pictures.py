@@ -37,6 +37,11 @@ def png(figure: Figure) -> bytes:
     return small.getvalue()
 
 
+def chart(figure: Figure) -> DisplayedImage:
+    """The figure as the small PNG of `png`, a third of what a notebook would make of it."""
+    return DisplayedImage(png(figure), format="png")
+
+
 def photo(figure: Figure) -> DisplayedImage:
     """The figure as a JPEG, a fifth of the PNG's size where the images in it are noisy."""
     drawn, small = io.BytesIO(), io.BytesIO()

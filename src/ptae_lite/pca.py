@@ -1,0 +1,72 @@
+"""Eyes without a network: principal component analysis (PCA) of images.
+
+PCA keeps the directions along which the training images vary most. Of all linear autoencoders with
+so many numbers it has the smallest squared error, and nothing is trained by steps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor, nn
+
+from ptae_lite.errors import ConfigError
+
+CHANNELS, HEIGHT, WIDTH = 3, 120, 160
+
+
+class JointPCA(nn.Module):
+    """Components of the whole image, its three channels together (F = code)."""
+
+    kind = "pca"
+    groups = 1  # parts of the image that have components of their own
+
+    def __init__(self, code: int = 10):
+        super().__init__()
+        pixels = CHANNELS * HEIGHT * WIDTH // self.groups
+        self.code = code
+        self.register_buffer("mean", torch.zeros(self.groups, 1, pixels))
+        self.register_buffer("axes", torch.zeros(self.groups, pixels, code))
+
+    def encode(self, images: Float[Tensor, "B 3 120 160"]) -> Float[Tensor, "B F"]:
+        parts = images.reshape(len(images), self.groups, -1).transpose(0, 1)
+        return ((parts - self.mean) @ self.axes).transpose(0, 1).flatten(1)
+
+    def decode(self, features: Float[Tensor, "B F"]) -> Float[Tensor, "B 3 120 160"]:
+        codes = features.reshape(len(features), self.groups, -1).transpose(0, 1)
+        parts = codes @ self.axes.transpose(1, 2) + self.mean
+        return parts.transpose(0, 1).reshape(-1, CHANNELS, HEIGHT, WIDTH).clamp(0, 1)
+
+    def forward(self, images):
+        """The reconstruction of `images`, values 0 to 1."""
+        return self.decode(self.encode(images))
+
+
+class ChannelPCA(JointPCA):
+    """Components of each colour channel on its own; their codes lie side by side (F = 3 x code)."""
+
+    kind = "pca-separated"
+    groups = 3
+
+
+def fit(eye: JointPCA, images: UInt8[np.ndarray, "M 120 160 3"]) -> JointPCA:
+    """Set a PCA eye to the components of `images`; only frames of training patterns belong there.
+
+    With fewer images than pixels the components are mixtures of images: the eigenvectors of their
+    M x M products say which. Raises `ConfigError` with fewer images than components.
+    """
+    if len(images) <= eye.code:
+        raise ConfigError(f"{eye.code} components need more than {len(images)} images")
+    for group in range(eye.groups):
+        part = images if eye.groups == 1 else images[..., group : group + 1]
+        # channels first, as a network takes them
+        flat = part.transpose(0, 3, 1, 2).reshape(len(images), -1) / np.float32(255)
+        mean = flat.mean(0)
+        flat -= mean
+        sizes, mixtures = np.linalg.eigh((flat @ flat.T).astype(float))
+        sizes, mixtures = sizes[-eye.code :], mixtures[:, -eye.code :]  # the largest, last
+        axes = flat.T @ (mixtures / np.sqrt(sizes)).astype(np.float32)
+        eye.mean[group, 0] = torch.from_numpy(mean)
+        eye.axes[group] = torch.from_numpy(axes[:, ::-1].copy())
+    return eye

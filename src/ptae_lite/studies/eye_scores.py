@@ -1,0 +1,115 @@
+"""What an eye is worth: linear read-outs of its features, and the error of its drawings."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from ptae_lite import frames, readout, vision
+from ptae_lite.dataset import Samples
+from ptae_lite.language import SIDES
+from ptae_lite.robot.recorder import load_sequence
+
+MOMENTS = ("first", "early", "late", "last")  # the frames of each sample that are looked at
+DRAWN = ((9, 0, 0), (14, 3, 55), (6, 1, 35), (9, 2, 45))  # frames of test patterns
+READERS = {"test": "train", "held_out": "fit"}  # scored on: fitted on
+
+
+def moments(samples: Samples) -> np.ndarray:
+    """Frame numbers (S, 4) of `MOMENTS`: the two in between lie elsewhere in each variation."""
+    share = np.stack([0.2 + 0.05 * samples.variation, 0.5 + 0.05 * samples.variation])
+    between = (share * samples.frames).astype(int)
+    return np.stack([0 * samples.frames, *between, samples.frames - 1], axis=1)
+
+
+def look(folder, samples: Samples) -> np.ndarray:
+    """The images at `moments`, (S, 4, 120, 160, 3) bytes."""
+    pairs = zip(samples.pattern, samples.variation, moments(samples), strict=True)
+    return np.stack([load_sequence(folder, int(p), int(v)).images[t] for p, v, t in pairs])
+
+
+def scores(eye, images: np.ndarray, samples: Samples) -> dict[str, dict[str, float]]:
+    """What can be read from an eye's features, and how well it draws, for each split in `READERS`.
+
+    `images` are those of `look`.
+    """
+    codes = vision.encode_images(eye, images.reshape(-1, *images.shape[2:]))
+    codes = codes.reshape(*images.shape[:2], -1)
+    return {
+        split: read_out(codes, samples, split) | pixel_errors(eye, images[samples.split(split)])
+        for split in READERS
+    }
+
+
+def read_out(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float]:
+    """Read-outs of features (S, 4, F) at `moments`, in percent and millimetres."""
+    known, asked = samples.split(READERS[split]), samples.split(split)
+
+    def read(fit, inputs, targets):
+        return fit(inputs[known], targets[known])
+
+    found = {}
+    for at, name in ((0, "first"), (3, "last")):
+        seen = codes[:, at]
+        for kind, inputs in (("", seen), ("_products", with_products(seen, known))):
+            hits = [
+                read(readout.fit_labels, inputs, labels).labels(inputs[asked]) == labels[asked]
+                for labels in readout.colours(samples).values()
+            ]
+            found[f"{name}_both{kind}"] = 100 * (hits[0] & hits[1]).mean()
+            if not kind:
+                found |= {f"{name}_{s}": 100 * h.mean() for s, h in zip(SIDES, hits, strict=True)}
+        frame = moments(samples)[:, at]
+        places = 1000 * samples.cubes[np.arange(len(frame)), frame, :, :2].reshape(-1, 4)
+        off = read(readout.fit_numbers, seen, places).numbers(seen[asked]) - places[asked]
+        found[f"{name}_place_mm"] = np.sqrt((off**2).mean())
+        acts = readout.action_and_side(samples)
+        right = read(readout.fit_labels, seen, acts).labels(seen[asked]) == acts[asked]
+        found[f"{name}_act"] = 100 * right.mean()
+    found["joints_r2"] = joints_r2(codes, samples, known, asked)
+    return {name: round(float(value), 4) for name, value in found.items()}
+
+
+def with_products(inputs: np.ndarray, known) -> np.ndarray:
+    """Features at unit spread (over the samples `known`) and the products of any two of them."""
+    spread = inputs[known].std(0)
+    unit = (inputs - inputs[known].mean(0)) / np.where(spread > 0, spread, 1)
+    a, b = np.triu_indices(unit.shape[1])
+    return np.c_[unit, unit[:, a] * unit[:, b]]
+
+
+def joints_r2(codes, samples: Samples, known, asked) -> float:
+    """Share of the joints' variance, mean over the five, that a frame's features tell.
+
+    At the two moments in between: at the first and the last every arm is at home.
+    """
+    rows, at = np.arange(len(codes))[:, None], moments(samples)
+    joints = samples.joints[rows, at][:, 1:3].astype(float)
+    inner = codes[:, 1:3]
+    (x, y), (x_asked, y_asked) = (
+        (inner[of].reshape(-1, codes.shape[2]), joints[of].reshape(-1, 5)) for of in (known, asked)
+    )
+    off = readout.fit_numbers(x, y).numbers(x_asked) - y_asked
+    return float((1 - (off**2).sum(0) / ((y_asked - y_asked.mean(0)) ** 2).sum(0)).mean())
+
+
+@torch.no_grad()
+def pixel_errors(eye, images: np.ndarray) -> dict[str, float]:
+    """Root mean square error of the drawing (0 to 1), over all pixels and over coloured ones."""
+    sums, counts = np.zeros(2), np.zeros(2)
+    for some in images:
+        x = vision.as_input(some)
+        square = (eye(x) - x) ** 2
+        coloured = (x.amax(1) - x.amin(1) > 0.5)[:, None].expand_as(x)
+        for i, part in enumerate((square, square[coloured])):
+            sums[i] += float(part.sum())
+            counts[i] += part.numel()
+    errors = np.sqrt(sums / counts).round(4).tolist()
+    return dict(zip(("pixel_error", "colour_pixel_error"), errors, strict=True))
+
+
+@torch.no_grad()
+def drawn(eye, images: np.ndarray | None = None) -> np.ndarray:
+    """Images (the stored frames `DRAWN` if None) as an eye draws them again, as bytes."""
+    x = vision.as_input(frames.images(DRAWN) if images is None else images)
+    return (255 * eye(x).permute(0, 2, 3, 1).numpy()).round().astype(np.uint8)

@@ -1,0 +1,222 @@
+"""Eyes: does separating the colour channels help, at equal presentations and at equal compute?
+
+Three CAEs, three seeds each, and three PCAs. Each CAE is one long training; at each checkpoint a
+copy of it runs through the last fifth of a training of that length (`vision.EyeTraining`), so a row
+of the table is what a training of exactly that length gives. Read-outs on `held_out` patterns
+decide when a training has levelled off; those on `test` are for the table.
+"""
+
+from __future__ import annotations
+
+import copy
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import torch
+from torch.utils.flop_counter import FlopCounterMode
+
+from ptae_lite import artefacts, dataset, frames, pca, vision
+from ptae_lite.dataset import Samples
+from ptae_lite.errors import ConfigError
+from ptae_lite.robot.recorder import load_sequence, samples_in_order
+from ptae_lite.studies import eye_scores
+
+CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
+PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pca", 30)}
+# In presentations; 0 is the untrained eye. 166,960 images cost a plain CAE the arithmetic that
+# 64,000 cost the separated one.
+CHECKPOINTS = {
+    "separated 3x10": (0, 32_000, 64_000, 128_000),
+    "plain 10": (0, 64_000, 166_960, 333_920),
+    "plain 30": (0, 64_000, 166_960, 333_920),
+}
+KEY = ["eye", "seed", "presentations", "split"]
+PCA_EVERY = 8  # of the training images: 2,066 of them
+
+
+def mflop_an_image(eye) -> float:
+    """Arithmetic of one training step for one image, in million floating-point operations."""
+    with FlopCounterMode(display=False) as counter:
+        vision.PixelCrossEntropy.apply(eye.logits(torch.rand(2, 3, 120, 160)),
+                                       torch.rand(2, 3, 120, 160)).backward()  # fmt: skip
+    return counter.get_total_flops() / 2 / 1e6
+
+
+class Bench:
+    """What every eye of the study is trained on and shown, and where its results go.
+
+    `folder` gets `eyes.csv`; `work` the weights and the features of all frames of each eye.
+    """
+
+    def __init__(self, samples: Samples, recording, folder, work):
+        self.samples, self.recording = samples, recording
+        self.table, self.work = Path(folder) / "eyes.csv", Path(work)
+        self.images = frames.training_images(recording)
+        self.looks = eye_scores.look(recording, samples)
+
+    def rows(self) -> pd.DataFrame:
+        return pd.read_csv(self.table) if self.table.exists() else pd.DataFrame(columns=KEY)
+
+    def write(self, eye, about: dict) -> None:
+        """Add the two rows of an eye, one a split."""
+        scores = eye_scores.scores(eye, self.looks, self.samples)
+        made = [about | {"split": split} | found for split, found in scores.items()]
+        write_whole(self.table, added(self.rows(), made), KEY)
+
+    def place(self, name: str, seed: int) -> Path:
+        folder = self.work / folder_of(name, seed)
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+    def write_features(self, name: str, seed: int, weights: Path) -> Path:
+        """Features of all recorded frames by the eye in `weights`."""
+        eye, path = vision.load_eye(weights), self.place(name, seed) / "features.npz"
+        codes = [
+            vision.encode_images(eye, load_sequence(self.recording, *sample).images)
+            for sample in samples_in_order()
+        ]
+        dataset.write_features(path, codes, weights)
+        return path
+
+
+def folder_of(name: str, seed: int) -> str:
+    """Where an eye's files are, below the study's folder."""
+    return f"{name.replace(' ', '_')}_seed{seed}"
+
+
+def added(rows: pd.DataFrame, made: list[dict]) -> pd.DataFrame:
+    """A table with more rows; an empty one has no types to keep."""
+    return pd.concat([*([rows] if len(rows) else []), pd.DataFrame(made)], ignore_index=True)
+
+
+def write_whole(path: Path, rows: pd.DataFrame, key: list[str]) -> None:
+    """Write a table in order; the file is there as a whole or as before."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(path.name + ".part")
+    rows.sort_values(key, kind="stable").to_csv(beside, index=False)
+    beside.replace(path)
+
+
+def run_pca(bench: Bench, name: str) -> None:
+    """Fit a PCA eye; its row, its weights and its features."""
+    kind, code = PCAS[name]
+    begun, some = time.process_time(), bench.images[::PCA_EVERY]
+    eye = pca.fit(vision.make_eye(kind, code), some)
+    seconds = time.process_time() - begun
+    weights = bench.place(name, 0) / "eye.safetensors"
+    vision.save_eye(weights, eye)
+    bench.write_features(name, 0, weights)
+    bench.write(eye, {"eye": name, "code": code, "seed": 0, "presentations": len(some),
+                      "gflop": np.nan, "seconds": round(seconds, 1)})  # fmt: skip
+
+
+def run_cae(bench: Bench, name: str, seed: int, checkpoints, progress=lambda steps: steps):
+    """Train a CAE past `checkpoints` (in presentations), with a row for each that is missing.
+
+    What is there is kept, and the training goes on from where its constant part stood.
+    """
+    kind, code = CAES[name]
+    eye, recipe = vision.make_eye(kind, code), vision.EyeRecipe(seed=seed)
+    training, trunk = vision.EyeTraining(eye, recipe), bench.place(name, seed) / "trunk.safetensors"
+    spent = restore(training, trunk) if trunk.exists() else 0.0
+    rows = bench.rows()
+    done = rows[(rows["eye"] == name) & (rows["seed"] == seed)]["presentations"].tolist()
+    gflop = mflop_an_image(vision.make_eye(kind, code)) / 1e3
+    for presentations in sorted(set(checkpoints) - set(done)):
+        steps = presentations // recipe.batch
+        turn = round((1 - vision.DECAY) * steps)
+        if turn < training.step:
+            raise ConfigError(
+                f"{name}, seed {seed}, has been trained past {presentations} presentations; "
+                f"delete {trunk} to begin again"
+            )
+        begun = time.process_time()
+        training.go(bench.images, turn, value=False, progress=progress)
+        spent += time.process_time() - begun
+        keep(training, trunk, spent)
+        branch, begun = copy.deepcopy(training), time.process_time()
+        branch.go(bench.images, steps, steps, value=False, progress=progress)
+        seconds = spent + time.process_time() - begun
+        branch.eye.eval()
+        if steps:
+            whole = replace(recipe, steps=steps)
+            vision.save_eye(trunk.with_name(f"eye_{presentations}.safetensors"), branch.eye, whole)
+        bench.write(branch.eye, {
+            "eye": name, "code": code, "seed": seed, "presentations": presentations,
+            "gflop": round(presentations * gflop, 1), "seconds": round(seconds, 1),
+        })  # fmt: skip
+
+
+def keep(training: vision.EyeTraining, path: Path, spent: float) -> None:
+    """Store a training where it stands: weights, the optimiser's memory, steps and seconds."""
+    tensors = {f"eye.{name}": value for name, value in training.eye.state_dict().items()}
+    for i, memory in training.optimiser.state_dict()["state"].items():
+        tensors |= {f"memory.{i}.{name}": value for name, value in memory.items()}
+    about = {"kind": "training of an eye", "step": training.step, "seconds": spent}
+    artefacts.save_weights(path, tensors, about)
+
+
+def restore(training: vision.EyeTraining, path: Path) -> float:
+    """Set a fresh training to what `keep` stored; the seconds spent until there."""
+    tensors, about = artefacts.load_weights(path)
+    weights, memory = {}, {}
+    for name, value in tensors.items():
+        part, rest = name.split(".", 1)
+        if part == "eye":
+            weights[rest] = value
+        else:
+            i, what = rest.split(".")
+            memory.setdefault(int(i), {})[what] = value
+    training.eye.load_state_dict(weights)
+    state = training.optimiser.state_dict()
+    training.optimiser.load_state_dict(state | {"state": memory})
+    training.step = about["step"]
+    return about["seconds"]
+
+
+def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
+          progress=lambda jobs: jobs) -> pd.DataFrame:  # fmt: skip
+    """Run what is missing in `eyes.csv`: the PCAs, then every CAE of a seed before the next seed.
+
+    Args:
+        recording: folder of a recording, with its images.
+        folder: of the table.
+        work: weights and features of each eye, and where its training stands.
+        checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
+    """
+    checkpoints, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
+    jobs = [(name, 0) for name in PCAS if name not in set(bench.rows()["eye"])]
+    jobs += [(name, seed) for seed in seeds for name in checkpoints]
+    for name, seed in progress(jobs):
+        if name in PCAS:
+            run_pca(bench, name)
+            continue
+        run_cae(bench, name, seed, checkpoints[name])
+        weights = bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
+        if not features_are_of(bench.place(name, seed) / "features.npz", weights):
+            bench.write_features(name, seed, weights)
+    write_drawings(bench, seeds[0], checkpoints)
+    return bench.rows()
+
+
+def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
+    """`eyes_drawings.npz`: the test images of `eye_scores.DRAWN`, drawn by each eye of a seed."""
+    shown = {}
+    for name in (*checkpoints, *PCAS):
+        if name in PCAS:
+            weights = bench.place(name, 0) / "eye.safetensors"
+        else:
+            weights = bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
+        shown[name] = eye_scores.drawn(vision.load_eye(weights))
+    np.savez_compressed(bench.table.with_name("eyes_drawings.npz"), **shown)
+
+
+def features_are_of(path: Path, weights: Path) -> bool:
+    """Whether a file of features was made by the eye in `weights`."""
+    if not path.exists():
+        return False
+    with np.load(path, allow_pickle=False) as file:
+        return str(file["eye"]) == artefacts.sha256(weights)

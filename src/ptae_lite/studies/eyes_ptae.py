@@ -1,0 +1,68 @@
+"""What PTAE reaches with each eye: the features of `studies.eyes` in, its scores out.
+
+Every training is the regular one; only the features differ.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+
+from ptae_lite import artefacts, dataset
+from ptae_lite.dataset import Samples
+from ptae_lite.errors import RecordingError
+from ptae_lite.evaluation import evaluate
+from ptae_lite.studies.eyes import CAES, PCAS, added, folder_of, write_whole
+from ptae_lite.training import RECIPES, train
+
+KEY = ["eye", "seed"]
+NAME = "results/eyes_ptae.csv"
+
+
+def jobs_in(work, seeds) -> list[tuple[str, int, Path]]:
+    """Eye, seed and features of every training there is to do, a seed after the other.
+
+    A CAE of a seed goes with a PTAE of that seed; a PCA, which knows no chance, with each.
+    """
+    found = []
+    for seed in seeds:
+        for name in (*CAES, *PCAS):
+            path = Path(work) / folder_of(name, seed if name in CAES else 0) / "features.npz"
+            if path.is_file():
+                found.append((name, seed, path))
+    if not found:
+        raise RecordingError(
+            f"{work} holds no features of an eye; make them: python -m ptae_lite study eyes"
+        )
+    return found
+
+
+def run_one(samples: Samples, features: Path, seed: int) -> dict[str, float]:
+    """Train PTAE on what an eye sees and score it on the test samples."""
+    begun, seen = time.perf_counter(), dataset.with_features(samples, features)
+    trained = train(seen, replace(RECIPES["ptae"], seed=seed))
+    row = {"steps": trained.about["steps"], "seconds": round(time.perf_counter() - begun)}
+    return row | {name: round(v, 3) for name, v in evaluate(trained, seen).items()}
+
+
+def stored() -> pd.DataFrame:
+    """The stored table; one without rows as long as `data/` has none."""
+    if NAME in artefacts.manifest():
+        return pd.read_csv(artefacts.stored(NAME))
+    return pd.DataFrame(columns=[*KEY, "describe_accuracy", "execute_nrmse"])
+
+
+def study(samples: Samples, folder, work, seeds=(0, 1, 2),
+          progress=lambda jobs: jobs) -> pd.DataFrame:  # fmt: skip
+    """Run what is missing in `eyes_ptae.csv`, writing each row as its training ends."""
+    jobs, table = jobs_in(work, seeds), Path(folder) / "eyes_ptae.csv"
+    rows = pd.read_csv(table) if table.exists() else pd.DataFrame(columns=KEY)
+    done = set(zip(rows["eye"], rows["seed"], strict=True))
+    for name, seed, path in progress([job for job in jobs if job[:2] not in done]):
+        row = {"eye": name, "seed": seed} | run_one(samples, path, seed)
+        rows = added(rows, [row])
+        write_whole(table, rows, KEY)
+    return pd.read_csv(table)

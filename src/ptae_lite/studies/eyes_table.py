@@ -1,0 +1,73 @@
+"""How the table of `studies.eyes` is read: equal lengths side by side, and which levelled off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from ptae_lite.errors import ConfigError
+from ptae_lite.studies import eyes
+
+EQUAL = {  # presentations of each eye in the two fair comparisons
+    "presentations": {"separated 3x10": 64_000, "plain 10": 64_000, "plain 30": 64_000},
+    "compute": {"separated 3x10": 64_000, "plain 10": 166_960, "plain 30": 166_960},
+}
+
+
+def of(rows: pd.DataFrame, names, split: str = "test") -> pd.DataFrame:
+    """The rows of these eyes, in this order, with presentations in thousands and TFLOP."""
+    own = rows[rows["split"] == split]
+    found = pd.concat([own[own["eye"] == name] for name in names])
+    return found.assign(thousands=found["presentations"] / 1e3, tflop=found["gflop"] / 1e3)
+
+
+def at(rows: pd.DataFrame, lengths: Mapping[str, int], split: str = "test") -> pd.DataFrame:
+    """The rows of eyes at the given presentations. Raises `ConfigError` where there is none."""
+    own = of(rows, lengths, split)
+    found = own[own["presentations"] == own["eye"].map(lengths)]
+    for eye in lengths:
+        if eye not in set(found["eye"]):
+            raise ConfigError(f"the table has no {eye} of {lengths[eye]} presentations")
+    return found
+
+
+def summary(rows: pd.DataFrame, measures: Mapping[str, tuple[str, int]]) -> pd.DataFrame:
+    """Mean over the seeds with the lowest and the highest, a line for each eye, in order.
+
+    `measures` says of a column its label and how many digits to show.
+    """
+    table: dict = {}
+    for eye, own in rows.groupby("eye", sort=False):
+        table[eye] = {"seeds": str(own["seed"].nunique())}
+        for column, (label, digits) in measures.items():
+            of_seeds = (own[column].agg(how) for how in ("min", "mean", "max"))
+            low, mean, high = (f"{value:.{digits}f}" for value in of_seeds)
+            table[eye][label] = mean if low == high else f"{mean} ({low}-{high})"
+    return pd.DataFrame(table).T
+
+
+ERRORS, COLOURS = ("pixel_error", "first_place_mm"), ("first_both", "last_both")
+
+
+def levelled(rows: pd.DataFrame) -> pd.Series:
+    """Which lengths have levelled off: a table by eye and presentations, on held-out patterns.
+
+    The rule, for the mean over the seeds that both have: against the nearest training of half the
+    length or less, the error of the drawing and that of the places of first frames changed by less
+    than a tenth, and both colours of first frames and of last ones by less than three points.
+    """
+    measures, found = [*ERRORS, *COLOURS], {}
+    own = rows[(rows["split"] == "held_out") & rows["eye"].isin(eyes.CAES)]
+    for eye, runs in own.groupby("eye", sort=False):
+        of = {n: run.set_index("seed")[measures] for n, run in runs.groupby("presentations")}
+        for presentations, now in of.items():
+            shorter = [n for n in of if 0 < n <= presentations / 2]
+            if not shorter:
+                found[eye, presentations] = False
+                continue
+            before = of[max(shorter)]
+            change, size = (now - before).mean().abs(), before.mean()
+            calm = (change[[*ERRORS]] < 0.1 * size[[*ERRORS]]).all()
+            found[eye, presentations] = bool(calm and (change[[*COLOURS]] < 3).all())
+    return pd.Series(found)

@@ -1,0 +1,346 @@
+"""The study of eyes: scores, checkpoints of one training, going on, what counts as levelled off."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+import ptae_lite.__main__ as cli
+from ptae_lite import artefacts, dataset, frames, readout, vision
+from ptae_lite.errors import ConfigError, RecordingError
+from ptae_lite.language import COLOURS, pattern
+from ptae_lite.studies import eye_scores, eyes, eyes_ptae
+
+STEPS = {"separated 3x10": (0, 10, 20), "plain 10": (0, 10)}  # presentations, two a step
+
+
+@pytest.fixture
+def seen(samples):
+    """The made-up samples with cubes that lie anywhere and move to anywhere."""
+    rng = np.random.default_rng(5)
+    cubes = np.zeros((864, 100, 2, 7), np.float32)
+    cubes[..., :2] = rng.uniform(0, 0.1, (864, 100, 2, 2))
+    return replace(samples, cubes=cubes)
+
+
+@pytest.fixture
+def pictures(seen):
+    """(864, 4) images that say all: places, joints, colours and acts as grey levels of squares."""
+    at = eye_scores.moments(seen)
+    made = np.zeros((864, 4, 120, 160, 3), np.uint8)
+    made[..., 110:, :, 0] = 255  # something coloured, too
+    rows = np.arange(864)[:, None]
+    told = np.concatenate(
+        [
+            2000 * seen.cubes[rows, at][..., :2].reshape(864, 4, 4),
+            100 + 100 * seen.joints[rows, at],
+        ],
+        axis=2,
+    )
+    flags = np.zeros((864, 4, 18))
+    for i, number in enumerate(seen.pattern):
+        p = pattern(int(number))
+        flags[i, :, COLOURS.index(p.left)] = flags[i, :, 6 + COLOURS.index(p.right)] = 200
+        flags[i, :, 12 + number % 6] = 200
+    told = np.concatenate([told, flags], axis=2).round().astype(np.uint8)
+    for k in range(told.shape[2]):
+        made[:, :, 4 * k : 4 * k + 4, :4] = told[:, :, k, None, None, None]
+    return made
+
+
+class Reads(torch.nn.Module):
+    """An eye for those pictures: the squares are its features, and it draws black."""
+
+    def __init__(self, keep=27):
+        super().__init__()
+        self.keep = keep
+
+    def encode(self, images):
+        return images[:, 0, 0 : 4 * self.keep : 4, 0]
+
+    def forward(self, images):
+        return torch.zeros_like(images)
+
+
+def test_moments_are_in_order_and_within_the_clip(samples):
+    at = eye_scores.moments(samples)
+    assert at.shape == (864, len(eye_scores.MOMENTS))
+    assert not at[:, 0].any() and (at[:, 3] == samples.frames - 1).all()
+    assert (np.diff(at, axis=1) > 0).all()
+    assert len({tuple(row) for row in at}) == 12  # six variations, two lengths
+
+
+@pytest.mark.parametrize("split", eye_scores.READERS)
+def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
+    found = eye_scores.scores(Reads(), pictures, seen)[split]
+    whole = ("first_left", "first_right", "first_both", "last_both", "first_act", "last_act",
+             "first_both_products", "last_both_products")  # fmt: skip
+    for name in whole:
+        assert found[name] == 100
+    assert found["first_place_mm"] < 1 and found["last_place_mm"] < 1
+    assert found["joints_r2"] > 0.99
+
+
+def test_an_eye_that_says_only_places_knows_no_colours(seen, pictures):
+    found = eye_scores.scores(Reads(4), pictures, seen)["test"]
+    assert found["first_place_mm"] < 1 and found["first_both"] < 20 and found["joints_r2"] < 0.05
+
+
+def test_products_read_what_a_sum_cannot():
+    """Whether two signs agree: half of it in the sum, all of it in the product."""
+    rng = np.random.default_rng(0)
+    signs = rng.choice([-1.0, 1.0], (400, 2))
+    labels, known, asked = (
+        (signs[:, 0] == signs[:, 1]).astype(int),
+        np.arange(300),
+        np.arange(300, 400),
+    )
+    more = eye_scores.with_products(np.c_[7 + 3 * signs, np.full(400, 5.0)], known)
+    assert more.shape == (400, 3 + 6)
+    np.testing.assert_allclose(more[known][:, :2].std(0), 1)
+    np.testing.assert_allclose(more[:, 3:6], more[:, :1] * more[:, :3])
+    for inputs, low, high in ((signs, 0, 70), (more, 99, 100)):
+        read = readout.fit_labels(inputs[known], labels[known])
+        assert low <= 100 * (read.labels(inputs[asked]) == labels[asked]).mean() <= high
+
+
+def test_scores_of_a_split_are_read_from_that_split_alone(seen, pictures):
+    """Other pictures for the test samples change no score on held-out ones, and the other way."""
+    before = eye_scores.scores(Reads(), pictures, seen)
+    for changed, other in (("test", "held_out"), ("held_out", "test")):
+        spoilt = pictures.copy()
+        spoilt[seen.split(changed), :, :100] = 7
+        after = eye_scores.scores(Reads(), spoilt, seen)
+        same = other == "held_out"  # held-out samples are fitted on for the test
+        assert (before[other] == after[other]) is same
+        assert after[changed]["first_both"] < 20
+
+
+def test_the_error_of_a_drawing_is_over_all_pixels_and_over_coloured_ones():
+    images = np.zeros((2, 4, 120, 160, 3), np.uint8)
+    images[0, 0, :60] = 102  # grey, 0.4
+    images[1, 3, :30, :, 0] = 204  # red, 0.8: 90 of 480 x 160 rows of pixels
+    found = eye_scores.pixel_errors(Reads(), images)
+    squares = (0.5 * 0.4**2 + 0.25 * 0.8**2 / 3) / 8
+    assert found["pixel_error"] == pytest.approx(squares**0.5, abs=5e-5)
+    assert found["colour_pixel_error"] == pytest.approx((0.8**2 / 3) ** 0.5, abs=5e-5)
+
+
+def test_arithmetic_is_counted_by_hand():
+    """Two operations for each weight and place; the gradient costs twice the way forward, but for
+    the images, which need none."""
+    places = {"encoder": (4800, 1200, 300, 12, 1, 1, 1), "decoder": (1, 1, 12, 300, 1200, 4800)}
+    cae, forward, first = vision.CAE(1), 0, None
+    for half, counts in places.items():
+        layers = [x for x in getattr(cae, half) if hasattr(x, "weight")]
+        for layer, count in zip(layers, counts, strict=True):
+            cost = 2 * layer.weight.numel() * count
+            forward, first = forward + cost, first or cost
+    separated = eyes.mflop_an_image(vision.make_eye("separated"))
+    assert separated == pytest.approx(3 * (3 * forward - first) / 1e6)
+
+
+def test_checkpoints_at_equal_compute_cost_the_same():
+    cost = {name: eyes.mflop_an_image(vision.make_eye(*made)) for name, made in eyes.CAES.items()}
+    apart, plain = (eyes.CHECKPOINTS[n] for n in ("separated 3x10", "plain 10"))
+    assert eyes.CHECKPOINTS["plain 30"] == plain and apart[2] == plain[1]
+    for a, b in zip(apart[2:], plain[2:], strict=True):
+        for name in ("plain 10", "plain 30"):
+            assert b * cost[name] == pytest.approx(a * cost["separated 3x10"], rel=1e-3)
+    assert all(n % vision.EyeRecipe().batch == 0 for n in apart + plain)
+
+
+@pytest.fixture
+def study(seen, monkeypatch, tmp_path):
+    """A function that runs the study with few, small images; and how often steps were taken."""
+    images = np.random.default_rng(0).integers(0, 256, (400, 120, 160, 3), np.uint8)
+    few = replace(seen, pattern=seen.pattern[::3], variation=seen.variation[::3],
+                  frames=seen.frames[::3], joints=seen.joints[::3], cubes=seen.cubes[::3],
+                  features=seen.features[::3])  # fmt: skip
+    looks = np.random.default_rng(1).integers(0, 256, (288, 4, 120, 160, 3), np.uint8)
+    monkeypatch.setattr(vision, "EyeRecipe", vision.EyeRecipe)
+    monkeypatch.setattr(vision.EyeRecipe, "__init__", _two_a_step(vision.EyeRecipe.__init__))
+    monkeypatch.setattr(frames, "training_images", lambda folder: images)
+    monkeypatch.setattr(eye_scores, "look", lambda folder, samples: looks)
+    monkeypatch.setattr(eyes, "PCAS", {"PCA 10": ("pca", 10)})
+    monkeypatch.setattr(eyes, "samples_in_order", lambda: [(0, 0), (1, 0)])
+    clip = type("Clip", (), {"images": images[:3]})
+    monkeypatch.setattr(eyes, "load_sequence", lambda folder, *sample: clip)
+    both = eye_scores.READERS
+    monkeypatch.setattr(
+        eye_scores, "scores", lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both}
+    )
+
+    def run(seeds=(0,), checkpoints=STEPS, work="work"):
+        return eyes.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints)
+
+    run.folder = tmp_path
+    return run
+
+
+def _two_a_step(real):
+    def init(self, *args, **options):
+        real(self, *args, **{"batch": 2} | options)
+
+    return init
+
+
+def sum_of(eye):
+    return round(float(sum(p.detach().abs().sum() for p in eye.parameters())), 4)
+
+
+def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
+    table = study((0, 1))
+    assert table["eye"].value_counts().to_dict() == {
+        "separated 3x10": 12,
+        "plain 10": 8,
+        "PCA 10": 2,
+    }
+    assert set(table["split"]) == set(eye_scores.READERS)
+    assert not table.duplicated(eyes.KEY).any()
+    long = table[(table["eye"] == "separated 3x10") & (table["split"] == "test")]
+    assert long.groupby("seed")["sum"].nunique().tolist() == [3, 3]
+    assert long["sum"].nunique() == 6
+    assert (long["gflop"] == (long["presentations"] * 0.245878272).round(1)).all()
+    for name, seed, last in (("separated 3x10", 1, 20), ("plain 10", 0, 10)):
+        folder = study.folder / "work" / eyes.folder_of(name, seed)
+        weights = folder / f"eye_{last}.safetensors"
+        assert eyes.features_are_of(folder / "features.npz", weights)
+        about = artefacts.load_weights(weights)[1]
+        assert about["recipe"] == vars(vision.EyeRecipe(steps=last // 2, seed=seed))
+
+
+def test_a_row_is_what_a_training_of_that_length_gives(study):
+    table = study().set_index(eyes.KEY)["sum"]
+    images = frames.training_images("none")
+    for presentations in (10, 20):
+        eye = vision.make_eye("separated")
+        vision.train_eye(eye, images, vision.EyeRecipe(steps=presentations // 2))
+        assert table["separated 3x10", 0, presentations, "test"] == sum_of(eye)
+
+
+def test_drawings_are_of_each_eye_at_its_longest(study):
+    study()
+    with np.load(study.folder / "eyes_drawings.npz") as file:
+        shown = dict(file)
+    assert list(shown) == ["separated 3x10", "plain 10", "PCA 10"]
+    weights = study.folder / "work" / "separated_3x10_seed0" / "eye_20.safetensors"
+    with torch.no_grad():
+        expected = vision.load_eye(weights)(vision.as_input(frames.images(eye_scores.DRAWN)))
+    found = shown["separated 3x10"]
+    assert found.dtype == np.uint8 and found.shape == (4, 120, 160, 3)
+    np.testing.assert_allclose(found / 255, expected.permute(0, 2, 3, 1), atol=0.002)
+    splits = {pattern(key[0]).split for key in eye_scores.DRAWN}
+    assert splits == {"test"}
+
+
+def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
+    whole = study((0,), work="other").drop(columns="seconds")
+    (study.folder / "eyes.csv").unlink()
+    study((0,), {"separated 3x10": (0, 10)})
+    parts = study().drop(columns="seconds")
+    pd.testing.assert_frame_equal(parts, whole)
+    before = (study.folder / "eyes.csv").read_bytes()
+    study()
+    assert (study.folder / "eyes.csv").read_bytes() == before
+
+
+def test_a_checkpoint_that_has_been_passed_is_refused(study):
+    study()
+    with pytest.raises(ConfigError, match="trained past 12 presentations; delete .*trunk"):
+        study((0,), {"separated 3x10": (0, 12)})
+
+
+@pytest.fixture
+def work(seen, tmp_path):
+    """Features of two eyes, one without chance."""
+    for name, seed in (("plain 10", 0), ("plain 10", 1), ("PCA 30", 0)):
+        folder = tmp_path / "eyes" / eyes.folder_of(name, seed)
+        folder.mkdir(parents=True)
+        (folder / "eye.bin").write_bytes(f"{name}{seed}".encode())
+        width = 3 + seed
+        parts = [np.full((t, width), t / 100) for t in seen.frames]
+        dataset.write_features(folder / "features.npz", parts, folder / "eye.bin")
+    return tmp_path / "eyes"
+
+
+def test_samples_are_seen_by_another_eye(seen, work):
+    other = dataset.with_features(seen, work / "plain_10_seed1" / "features.npz")
+    assert other.features.shape == (864, 100, 4) and other.eye != seen.eye
+    np.testing.assert_allclose(other.features[0, :, 0], 1)
+    np.testing.assert_allclose(other.features[863, :50, 3], 0.5)
+    assert not other.features[863, 50:].any()
+    np.testing.assert_array_equal(other.joints, seen.joints)
+
+
+def test_features_of_another_recording_are_refused(few, work, tmp_path):
+    path = work / "PCA_30_seed0" / "features.npz"
+    with pytest.raises(RecordingError, match="does not hold features of 2700 frames"):
+        dataset.with_features(few, path)
+    np.savez(tmp_path / "x.npz", other=np.zeros(2700))
+    for name in ("x.npz", "missing.npz"):
+        with pytest.raises(RecordingError, match=name):
+            dataset.with_features(few, tmp_path / name)
+
+
+def test_every_eye_gets_a_ptae_of_each_seed_where_it_has_features(work):
+    jobs = [job[:2] for job in eyes_ptae.jobs_in(work, (0, 1, 2))]
+    assert jobs == [("plain 10", 0), ("PCA 30", 0), ("plain 10", 1), ("PCA 30", 1), ("PCA 30", 2)]
+
+
+def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monkeypatch):
+    asked = []
+
+    def train(samples, recipe):
+        asked.append((samples.features.shape[2], recipe.seed))
+        return type("Trained", (), {"about": {"steps": 7}})
+
+    def evaluate(trained, samples):
+        return {"describe_accuracy": 50.12345, "width": samples.features.shape[2]}
+
+    monkeypatch.setattr(eyes_ptae, "train", train)
+    monkeypatch.setattr(eyes_ptae, "evaluate", evaluate)
+    row = eyes_ptae.run_one(seen, work / "plain_10_seed1" / "features.npz", 1)
+    assert asked == [(4, 1)]
+    assert (row["steps"], row["describe_accuracy"], row["width"]) == (7, 50.123, 4)
+
+
+def test_the_ptae_study_does_what_is_missing(seen, work, monkeypatch, tmp_path):
+    asked = []
+
+    def run_one(samples, features, seed):
+        asked.append((features.parent.name, seed))
+        return {"describe_accuracy": 10.0 * seed}
+
+    monkeypatch.setattr(eyes_ptae, "run_one", run_one)
+    eyes_ptae.study(seen, tmp_path, work, (0,))
+    table = eyes_ptae.study(seen, tmp_path, work, (0, 1))
+    assert asked == [("plain_10_seed0", 0), ("PCA_30_seed0", 0), ("plain_10_seed1", 1),
+                     ("PCA_30_seed0", 1)]  # fmt: skip
+    assert table.values.tolist() == [["PCA 30", 0, 0], ["PCA 30", 1, 10],
+                                     ["plain 10", 0, 0], ["plain 10", 1, 10]]  # fmt: skip
+
+
+def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path):
+    with pytest.raises(RecordingError, match="no features of an eye; make them: .*study eyes"):
+        eyes_ptae.study(seen, tmp_path, tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "given"),
+    [("eyes", eyes, ["R", "T", "W", [0, 2]]), ("eyes-ptae", eyes_ptae, ["T", "W", [0, 2]])],
+)
+def test_the_commands_run_the_studies(monkeypatch, capsys, name, module, given):
+    def study(samples, *asked, progress):
+        assert samples == "stored" and list(asked) == given
+        return pd.DataFrame({"eye": [1, 2, 3]})
+
+    monkeypatch.setattr(dataset, "load", lambda: "stored")
+    monkeypatch.setattr(module, "study", study)
+    options = ["--recording", "R", "--out", "T", "--eyes", "W", "--seeds", "0", "2", "--json"]
+    assert cli.main(["study", name, *options]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert made["rows"] == 3 and made["table"] == f"T/{module.__name__.rsplit('.', 1)[1]}.csv"

@@ -1,0 +1,33 @@
+"""Panels of a study's table: each seed is seen, and the mean of the seeds."""
+
+import pandas as pd
+import pytest
+
+from ptae_lite.display.spreads import spreads
+from ptae_lite.errors import PTAEError
+
+ROWS = pd.DataFrame({
+    "eye": ["a"] * 4 + ["b"], "seed": [0, 1, 0, 1, 0], "n": [10, 10, 20, 20, 10],
+    "right": [50, 60, 70, 90, 5], "error": [5, 4, 3, 1, 9],
+})  # fmt: skip
+
+
+def test_each_panel_has_dots_means_and_levels():
+    level = pd.Series({"right": 99, "error": 2})
+    panels = {"right": "right, %", "error": "error, mm"}
+    figure = spreads(ROWS, "eye", "n", panels, "shown", {"PCA": level})
+    assert [axes.get_title() for axes in figure.axes] == list(panels.values())
+    right = figure.axes[0]
+    dots, mean, _, other, flat = (line.get_xydata().tolist() for line in right.lines)
+    assert dots == [[10, 50], [10, 60], [20, 70], [20, 90]]
+    assert mean == [[10, 55], [20, 80]] and other == [[10, 5]]
+    assert [y for _, y in flat] == [99, 99]
+    assert right.get_xlabel() == "shown"
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["a", "b", "PCA"]
+
+
+def test_more_groups_than_can_be_told_apart_are_refused():
+    rows = pd.DataFrame({"eye": list("abcde"), "n": 1, "right": 2})
+    with pytest.raises(PTAEError, match="tell 4 groups apart, not 5"):
+        spreads(rows, "eye", "n", {"right": "%"}, "shown")
