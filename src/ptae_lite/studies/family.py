@@ -57,6 +57,7 @@ CLAIMS = {
     "PTAE converges in less than half of PGAE's updates": ("PTAE", "PGAE"),
 }
 KEY = ["data", "variant", "seed"]
+SEEDS = 3  # of each variant, before two are compared
 EVERY = 5  # epochs between two points of a curve
 
 
@@ -152,12 +153,13 @@ def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
 def clearly_better(table: pd.DataFrame, one: str, other: str, column: str) -> str:
     """The variant that is better in `column` with every seed than the other with any; or `neither`.
 
-    Of two equal variants with three seeds each, one comes out better by chance once in ten times.
+    Of two equal variants with three seeds each, one comes out better by chance once in ten times;
+    with fewer than `SEEDS` for either, the answer is `too few trainings`.
     """
     sign = 1 if column.endswith("accuracy") else -1
     scores = [sign * table[table["variant"] == name][column] for name in (one, other)]
-    if not all(map(len, scores)):
-        return "not run"
+    if min(map(len, scores)) < SEEDS:
+        return "too few trainings"
     if scores[0].min() > scores[1].max():
         return one
     return other if scores[1].min() > scores[0].max() else "neither"
