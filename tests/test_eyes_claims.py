@@ -1,0 +1,147 @@
+"""What chapter 02 says about the eyes, held against the stored tables."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptae_lite import artefacts
+from ptae_lite.studies import eye_scores, eyes, eyes_ptae, eyes_table
+
+CHAPTER = Path(__file__).resolve().parents[1] / "book" / "02_vision.md"
+UP = ["first_both", "last_both", "first_both_products", "last_both_products", "last_act",
+      "joints_r2"]  # fmt: skip
+DOWN = ["first_place_mm", "pixel_error"]
+SEPARATED, PLAIN_10, PLAIN_30 = eyes.CAES
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return pd.read_csv(artefacts.stored("results/eyes.csv"))
+
+
+@pytest.fixture(scope="module")
+def text():
+    return " ".join(CHAPTER.read_text(encoding="utf-8").split())
+
+
+@pytest.fixture(scope="module")
+def means(rows):
+    """Test scores by eye and presentations, mean over the seeds."""
+    numbers = rows[rows["split"] == "test"].drop(columns=["split", "seed"])
+    return numbers.groupby(["eye", "presentations"]).mean()
+
+
+@pytest.fixture(scope="module")
+def equal(rows):
+    """For each comparison, the means of the three CAEs."""
+    return {
+        name: eyes_table.at(rows, lengths).drop(columns="split").groupby("eye").mean()
+        for name, lengths in eyes_table.EQUAL.items()
+    }
+
+
+def lead(table, columns, first, second):
+    """In which of the columns an eye is ahead of another."""
+    ahead = table.loc[first] > table.loc[second]
+    return {c for c in columns if (ahead[c] if c in UP else not ahead[c])}
+
+
+def test_every_eye_was_looked_at_untrained_and_at_the_equal_lengths(rows, means):
+    for name in eyes.CAES:
+        assert 0 in means.loc[name].index
+    assert set(rows[rows["eye"].isin(eyes.PCAS)]["eye"]) == set(eyes.PCAS)
+    assert rows[eyes.KEY].duplicated().sum() == 0
+
+
+def test_equal_compute_was_equal(rows):
+    spent = eyes_table.at(rows, eyes_table.EQUAL["compute"])["gflop"]
+    assert spent.max() == pytest.approx(spent.min(), rel=1e-3)
+
+
+def test_training_a_plain_eye_improves_its_drawing_but_hardly_the_reading_of_colours(means):
+    for name in (PLAIN_10, PLAIN_30):
+        own = means.loc[name].sort_index()
+        assert (np.diff(own["pixel_error"]) < 0).all()
+        colours = own["first_both"]
+        assert colours[64_000] < colours[0] and colours[166_960] < colours[0] + 5
+
+
+def test_the_separated_eye_keeps_the_colours_of_first_frames(means):
+    own = means.loc[SEPARATED].sort_index()
+    assert own["first_both"].min() > 90
+    trained = own[own.index > 0]["last_both"]
+    assert trained.idxmax() == trained.index[0]
+
+
+def test_at_equal_presentations_the_separated_eye_leads_in_every_column(equal):
+    for other in (PLAIN_10, PLAIN_30):
+        ahead = lead(equal["presentations"], UP + DOWN, SEPARATED, other)
+        assert ahead == {*UP, *DOWN}
+
+
+def test_at_equal_compute_each_of_two_eyes_of_30_numbers_leads_in_something(equal):
+    assert lead(equal["compute"], UP + DOWN, SEPARATED, PLAIN_30) == set(UP)
+
+
+def test_products_find_colours_that_a_sum_does_not_most_of_all_at_first(means):
+    for name in (PLAIN_10, PLAIN_30):
+        for presentations in (64_000, 166_960):
+            own = means.loc[name, presentations]
+            gain = own["first_both_products"] - own["first_both"]
+            assert gain > 15
+            missing = [100 - own[f"{at}_both_products"] for at in ("first", "last")]
+            assert missing[1] > 2 * missing[0]
+
+
+def test_nothing_has_levelled_off_yet(rows, text):
+    """When this fails, the page's paragraph about the rule has to be written anew."""
+    assert ("By this rule nothing has levelled off yet" in text) == (
+        not eyes_table.levelled(rows).any()
+    )
+
+
+def test_eyes_that_were_never_trained_read_colours(means):
+    assert means.loc[SEPARATED, 0]["first_both"] > 90
+    assert means.loc[PLAIN_30, 0]["first_both"] > 85
+    assert means.loc["PCA 30"]["first_both"].item() > 99
+    assert means.loc["PCA 10"]["first_both"].item() > 99
+
+
+def test_the_two_pcas_of_30_numbers_are_ordered_as_the_caes_at_equal_compute(means, equal):
+    apart, joint = (means.loc[name].iloc[0] for name in ("PCA 3x10", "PCA 30"))
+    assert apart["last_both"] > joint["last_both"]
+    assert apart["first_place_mm"] > joint["first_place_mm"]
+    assert apart["pixel_error"] > joint["pixel_error"]
+    caes = equal["compute"]
+    assert caes.loc[SEPARATED, "last_both"] > caes.loc[PLAIN_30, "last_both"]
+    assert caes.loc[SEPARATED, "first_place_mm"] > caes.loc[PLAIN_30, "first_place_mm"]
+    assert caes.loc[SEPARATED, "pixel_error"] > caes.loc[PLAIN_30, "pixel_error"]
+
+
+def test_wrong_colours_in_drawings_are_of_short_trainings(means):
+    for name in (PLAIN_10, PLAIN_30):
+        own = means.loc[name]["colour_pixel_error"]
+        assert own[166_960] < 0.7 * own[64_000]
+
+
+def test_the_verdict_says_how_many_seeds_it_rests_on(rows, text):
+    """When seeds are added, "the first of three seeds" and the verdict have to be written anew."""
+    seeds = [
+        set(eyes_table.at(rows, lengths).groupby("eye")["seed"].nunique())
+        for lengths in eyes_table.EQUAL.values()
+    ]
+    assert ("The table holds the first of three seeds so far" in text) == (seeds == [{1}, {1}])
+
+
+def test_what_ptae_reaches_with_each_eye_TO_BE_COMPLETED(text):
+    """Once `results/eyes_ptae.csv` is stored, pin here what the page then says about it."""
+    silent = "this page claims nothing about PTAE" in text
+    assert silent == (len(eyes_ptae.stored()) == 0)
+
+
+def test_drawings_are_stored_of_every_eye():
+    with np.load(artefacts.stored("results/eyes_drawings.npz")) as file:
+        assert set(file.files) == {*eyes.CAES, *eyes.PCAS}
+        assert {file[name].shape for name in file.files} == {(len(eye_scores.DRAWN), 120, 160, 3)}
