@@ -5,7 +5,19 @@ from itertools import product
 
 import numpy as np
 import pytest
-from pages import SHOTS, SITE, chromium, go, keep, opened, page_names, pixels, stale, until
+from pages import (
+    SHOTS,
+    SITE,
+    WIDTHS,
+    chromium,
+    go,
+    keep,
+    opened,
+    page_names,
+    pixels,
+    stale,
+    until,
+)  # fmt: skip
 
 from ptae_lite import dataset
 from ptae_lite.display import scene3d
@@ -41,27 +53,33 @@ def scroll_through(page):
     }""")
 
 
-@pytest.mark.parametrize("width", ["laptop", "phone"])
+@pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", PAGES)
 def test_a_page_opens_without_a_network_and_fits_its_width(browser, name, width):
-    for theme in ("light", "dark"):
-        with opened(browser, width, theme) as page:
-            go(page, name)
-            assert page.evaluate("document.documentElement.dataset.theme") == theme
-            scroll_through(page)
-            for iframe in page.locator(f"{SCENE}:visible").all():
-                ready(iframe)
-            page.evaluate("window.scrollTo(0, 0)")
-            broken = page.evaluate("""[...document.images]
-              .filter(one => one.checkVisibility() && !(one.complete && one.naturalWidth))
-              .map(one => one.src.slice(0, 100))""")
-            assert broken == []
-            wide = page.evaluate("""[...document.querySelectorAll('main *')].filter(one =>
-              one.getBoundingClientRect().right > innerWidth + 1 && one.checkVisibility() &&
-              !one.closest('.cell_output, pre, table, mjx-container, .MathJax')).map(
-              one => one.outerHTML.slice(0, 100))""")
-            assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, wide[:3]
+    with opened(browser, width) as page:
+        go(page, name)
+        scroll_through(page)
+        for iframe in page.locator(f"{SCENE}:visible").all():
+            ready(iframe)
+        page.evaluate("window.scrollTo(0, 0)")
+        assert page.evaluate(BROKEN_PICTURES) == []
+        too_wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+        assert too_wide <= 0, page.evaluate(WIDE)
+        for theme in ("light", "dark"):
+            page.emulate_media(color_scheme=theme)  # as when the reader's system changes
+            until(
+                lambda theme=theme: page.evaluate("document.documentElement.dataset.theme") == theme
+            )
             keep(page, f"{name.removesuffix('.html').replace('/', '-')}-{width}-{theme}")
+
+
+BROKEN_PICTURES = """[...document.images]
+  .filter(one => one.checkVisibility() && !(one.complete && one.naturalWidth))
+  .map(one => one.src.slice(0, 100))"""
+WIDE = """[...document.querySelectorAll('main *')]
+  .filter(one => one.getBoundingClientRect().right > innerWidth + 1 && one.checkVisibility() &&
+    !one.closest('.cell_output, pre, table, mjx-container'))
+  .map(one => one.outerHTML.slice(0, 100)).slice(0, 3)"""
 
 
 # ---------------------------------------------------------------- scenes
