@@ -13,7 +13,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 SITE = ROOT / "build" / "html"
 SHOTS = ROOT / "build" / "screenshots"
-PART_PX = 4000  # of a screenshot; longer pages come in parts
+PART_PX = 4000  # of a screenshot; a browser draws no more than 8192 rows at once
 WIDTHS = {"laptop": (1280, 800), "phone": (390, 844)}
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 FLAGS = [
@@ -62,13 +62,14 @@ def chromium():
 
 
 @contextmanager
-def opened(browser, width="laptop", theme="light", **options):
+def opened(browser, width="laptop"):
     """A page without a network; fails at its end if anything went wrong in it."""
     w, h = WIDTHS[width]
     context = browser.new_context(
-        viewport={"width": w, "height": h}, offline=True, color_scheme=theme,
-        reduced_motion="reduce", **options,
+        viewport={"width": w, "height": h}, offline=True, color_scheme="light",
+        reduced_motion="reduce",
     )  # fmt: skip
+    context.set_default_timeout(120_000)  # a busy machine draws slowly
     page, wrong = context.new_page(), []
 
     def asked(request):
@@ -93,7 +94,8 @@ def opened(browser, width="laptop", theme="light", **options):
 def go(page, name: str) -> None:
     page.goto((SITE / name).as_uri() if "?" not in name else f"{SITE.as_uri()}/{name}")
     page.wait_for_load_state("load")
-    page.evaluate("window.MathJax?.startup?.promise")
+    page.evaluate("""Promise.race([window.MathJax?.startup?.promise,
+                                   new Promise(done => setTimeout(done, 20000))])""")
 
 
 def until(condition, seconds: float = 20, message: str = "it did not happen") -> None:

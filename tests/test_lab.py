@@ -20,7 +20,7 @@ from ptae_lite.display import pairs
 
 TOKEN = "reader"
 SETTINGS = "@jupyterlab/apputils-extension/notification.jupyterlab-settings"
-RUN_S = 240  # for a chapter
+RUN_S = 480  # for a chapter
 
 
 def pytest_generate_tests(metafunc):

@@ -102,6 +102,7 @@ def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_p
     monkeypatch.setattr(checkpoint, "load", lambda path: trained)
     monkeypatch.setattr(dataset, "load", lambda name: samples)
     monkeypatch.setattr(artefacts, "DATA", tmp_path)
+    monkeypatch.setattr(incongruence, "run", lambda *given: pd.DataFrame({"accuracy": [1.0]}))
     monkeypatch.setattr(artefacts, "register", lambda name, **about: noted.update({name: about}))
     assert stories.main(["--out", str(tmp_path / "look")]) == 0
     assert not noted and (tmp_path / "look" / stories.TOLD).exists()
