@@ -137,6 +137,7 @@ class PixelCrossEntropy(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, z, x, value: bool = True):
+        """The loss of logits `z` for images `x`, both (B, C, 120, 160)."""
         ctx.save_for_backward((torch.sigmoid(z) - x).div_(z.numel()))
         if not value:
             return z.new_zeros(())
@@ -144,6 +145,7 @@ class PixelCrossEntropy(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx, outer):
+        """Its gradient by `z`; there is none by the images."""
         return ctx.saved_tensors[0] * outer, None, None
 
 
