@@ -34,6 +34,11 @@ function openViewer([x, y, z]) {
   const viewer = new MeshCat.Viewer(pane);
   const fit = viewer.set_3d_pane_size.bind(viewer);  // it would take the whole window's height
   viewer.set_3d_pane_size = () => fit(pane.clientWidth, pane.clientHeight);
+  // also when a scene that was opened out of sight comes into sight, and gets its size then
+  new ResizeObserver(() => {
+    viewer.set_3d_pane_size();
+    viewer.set_dirty();
+  }).observe(pane);
   viewer.controls.target.set(x, z, -y);  // three.js has y upwards
   // the wheel scrolls the page that this one is part of, until the reader takes hold of the scene
   viewer.controls.enableZoom = false;
