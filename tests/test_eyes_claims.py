@@ -126,13 +126,25 @@ def test_wrong_colours_in_drawings_are_of_short_trainings(means):
         assert own[166_960] < 0.7 * own[64_000]
 
 
-def test_the_verdict_says_how_many_seeds_it_rests_on(rows, text):
-    """When seeds are added, "the first of three seeds" and the verdict have to be written anew."""
-    seeds = [
-        set(eyes_table.at(rows, lengths).groupby("eye")["seed"].nunique())
-        for lengths in eyes_table.EQUAL.values()
-    ]
-    assert ("The table holds the first of three seeds so far" in text) == (seeds == [{1}, {1}])
+def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(rows, text):
+    assert "Three seeds of each eye, and their ranges do not touch" in text
+    for lengths in eyes_table.EQUAL.values():
+        same = eyes_table.at(rows, lengths)
+        assert set(same.groupby("eye")["seed"].nunique()) == {3}
+        for column in ("first_both", "last_both", "last_both_products"):
+            apart = same[same["eye"] == SEPARATED][column]
+            assert apart.min() > same[same["eye"] != SEPARATED][column].max()
+
+
+def test_the_order_at_the_greatest_lengths_is_that_of_equal_compute(rows, text):
+    assert "the order of the two eyes of 30 numbers is the same" in text
+    longest = {SEPARATED: 128_000, PLAIN_30: 333_920}
+    same = eyes_table.at(rows, longest)
+    assert set(same.groupby("eye")["seed"].nunique()) == {2}
+    table = same.drop(columns="split").groupby("eye").mean()
+    ahead = lead(table, UP + DOWN, SEPARATED, PLAIN_30)
+    assert {"first_both", "last_both", "joints_r2"} <= ahead
+    assert not ahead & set(DOWN)
 
 
 def test_what_ptae_reaches_with_each_eye_TO_BE_COMPLETED(text):
