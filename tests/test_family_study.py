@@ -149,8 +149,10 @@ def test_a_summary_names_the_spread(scored):
 
 
 def test_every_claim_has_a_row(scored):
-    table = scored.assign(repeat_language_accuracy=100.0, repeat_action_nrmse=2.0)
+    worse = scored[:3].assign(variant="PTAE, action asks", describe_accuracy=50.0)
+    table = pd.concat([scored, worse]).assign(repeat_language_accuracy=1, repeat_action_nrmse=2)
     found = family.claims(table).set_index("claim")
     assert list(found.index) == list(family.CLAIMS)
-    last = found.loc["PTAE converges in less than half of PGAE's updates"]
-    assert last["execute_nrmse"] == "PTAE" and last["repeat_action_nrmse"] == "neither"
+    row = found.loc["language as query is better than action"]
+    assert row["describe_accuracy"] == "PTAE" and row["execute_nrmse"] == "neither"
+    assert found.loc["repeat both helps PGAE"]["execute_nrmse"] == "too few trainings"

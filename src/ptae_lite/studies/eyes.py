@@ -22,7 +22,7 @@ from ptae_lite import artefacts, dataset, frames, pca, vision
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.robot.recorder import load_sequence, samples_in_order
-from ptae_lite.studies import eye_scores
+from ptae_lite.studies import eye_scores, tables
 
 CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
 PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pca", 30)}
@@ -58,13 +58,13 @@ class Bench:
         self.looks = eye_scores.look(recording, samples)
 
     def rows(self) -> pd.DataFrame:
-        return pd.read_csv(self.table) if self.table.exists() else pd.DataFrame(columns=KEY)
+        return tables.read(self.table, KEY)
 
     def write(self, eye, about: dict) -> None:
         """Add the two rows of an eye, one a split."""
         scores = eye_scores.scores(eye, self.looks, self.samples)
         made = [about | {"split": split} | found for split, found in scores.items()]
-        write_whole(self.table, added(self.rows(), made), KEY)
+        tables.add(self.table, pd.DataFrame(made), KEY)
 
     def place(self, name: str, seed: int) -> Path:
         folder = self.work / folder_of(name, seed)
@@ -85,19 +85,6 @@ class Bench:
 def folder_of(name: str, seed: int) -> str:
     """Where an eye's files are, below the study's folder."""
     return f"{name.replace(' ', '_')}_seed{seed}"
-
-
-def added(rows: pd.DataFrame, made: list[dict]) -> pd.DataFrame:
-    """A table with more rows; an empty one has no types to keep."""
-    return pd.concat([*([rows] if len(rows) else []), pd.DataFrame(made)], ignore_index=True)
-
-
-def write_whole(path: Path, rows: pd.DataFrame, key: list[str]) -> None:
-    """Write a table in order; the file is there as a whole or as before."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".part")
-    rows.sort_values(key, kind="stable").to_csv(beside, index=False)
-    beside.replace(path)
 
 
 def run_pca(bench: Bench, name: str) -> None:

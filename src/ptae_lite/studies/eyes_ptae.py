@@ -15,7 +15,8 @@ from ptae_lite import artefacts, dataset
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import RecordingError
 from ptae_lite.evaluation import evaluate
-from ptae_lite.studies.eyes import CAES, PCAS, added, folder_of, write_whole
+from ptae_lite.studies import tables
+from ptae_lite.studies.eyes import CAES, PCAS, folder_of
 from ptae_lite.training import RECIPES, train
 
 KEY = ["eye", "seed"]
@@ -59,10 +60,8 @@ def study(samples: Samples, folder, work, seeds=(0, 1, 2),
           progress=lambda jobs: jobs) -> pd.DataFrame:  # fmt: skip
     """Run what is missing in `eyes_ptae.csv`, writing each row as its training ends."""
     jobs, table = jobs_in(work, seeds), Path(folder) / "eyes_ptae.csv"
-    rows = pd.read_csv(table) if table.exists() else pd.DataFrame(columns=KEY)
-    done = set(zip(rows["eye"], rows["seed"], strict=True))
+    done = tables.there(table, KEY)
     for name, seed, path in progress([job for job in jobs if job[:2] not in done]):
         row = {"eye": name, "seed": seed} | run_one(samples, path, seed)
-        rows = added(rows, [row])
-        write_whole(table, rows, KEY)
+        tables.add(table, pd.DataFrame([row]), KEY)
     return pd.read_csv(table)

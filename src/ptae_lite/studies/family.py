@@ -54,8 +54,7 @@ CLAIMS = {
     "repeat both does not help PTAE": ("PTAE", "PTAE, repeat both"),
     "word weights are unnecessary for PTAE": ("PTAE", "PTAE, words weighed"),
     "LSTM encoders change nothing": ("PTAE", "PTAE, LSTM encoders"),
-    "PTAE converges in less than half of PGAE's updates": ("PTAE", "PGAE"),
-}
+}  # that PTAE converges in less than half of PGAE's updates is a matter of `updates_to`
 KEY = ["data", "variant", "seed"]
 SEEDS = 3  # of each variant, before two are compared
 EVERY = 5  # epochs between two points of a curve

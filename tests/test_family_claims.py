@@ -1,0 +1,62 @@
+"""What chapter 03 says of the family, held against the stored tables."""
+
+import pandas as pd
+import pytest
+
+from ptae_lite import artefacts
+from ptae_lite.studies import family
+
+ELDERS = ("PGAE", "PVAE")
+SWAPPED = "execute_speed_word_swapped"
+
+
+@pytest.fixture(scope="module")
+def rows():
+    table = pd.read_csv(artefacts.stored("results/family.csv"))
+    return table[table["data"] == "recording"]
+
+
+@pytest.fixture(scope="module")
+def medians(rows):
+    return rows.groupby("variant").median(numeric_only=True)
+
+
+def test_the_family_was_trained_three_times(rows):
+    for name in ("PTAE", *ELDERS):
+        assert set(rows[rows["variant"] == name]["seed"]) == {0, 1, 2}
+
+
+def test_pvae_is_ahead_of_ptae_and_ptae_of_pgae(rows):
+    for better, worse in (("PVAE", "PTAE"), ("PTAE", "PGAE")):
+        for column in ("execute_nrmse", "repeat_action_nrmse"):
+            assert family.clearly_better(rows, better, worse, column) == better
+        assert family.clearly_better(rows, better, worse, "describe_accuracy") == better
+    assert (rows[rows["variant"] == "PVAE"]["describe_accuracy"] == 100).all()
+
+
+def test_ptae_does_not_hear_the_speed_word_and_the_elders_do(rows):
+    ratio = rows[SWAPPED] / rows["execute_nrmse"]
+    assert ratio[rows["variant"] == "PTAE"].between(0.95, 1.05).all()
+    assert ratio[rows["variant"].isin(ELDERS)].between(2.5, 5).all()
+
+
+def test_with_the_first_frame_only_the_sentence_makes_the_motion(medians):
+    first, film = medians.loc["PTAE, first frame only"], medians.loc["PTAE"]
+    assert 1.7 < first["execute_nrmse"] / film["execute_nrmse"] < 2
+    assert first["execute_sentence_blanked"] > 10.8  # the mean trajectory's
+    assert first[SWAPPED] < 1.1 * first["execute_nrmse"]
+
+
+def test_ptae_needs_as_many_updates_as_pgae_but_three_fifths_of_the_time():
+    curves = pd.read_csv(artefacts.stored("results/family_curves.csv"))
+    curves = curves[(curves["data"] == "recording") & curves["variant"].isin(["PTAE", "PGAE"])]
+    reached = family.updates_to(curves, 75).groupby("variant").median(numeric_only=True)
+    assert 0.8 < reached.loc["PTAE", "updates"] / reached.loc["PGAE", "updates"] < 1.2
+    assert 0.5 < reached.loc["PTAE", "seconds"] / reached.loc["PGAE", "seconds"] < 0.7
+    early = family.updates_to(curves, 50).pivot(index="seed", columns="variant", values="updates")
+    assert (early["PGAE"] < early["PTAE"]).sum() == 2
+
+
+def test_this_seed_is_a_lucky_one(rows):
+    own = rows[rows["variant"] == "PTAE"].set_index("seed")["describe_accuracy"]
+    assert own.idxmax() == 0
