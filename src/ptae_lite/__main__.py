@@ -15,7 +15,9 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
+from ptae_lite.console import guarded, refuse_data, whole_number
 from ptae_lite.errors import PTAEError
+from ptae_lite.files import alone, check_writable
 
 RECORDING = "build/recording"
 TRAINED = ("ptae", "pgae", "pvae", "prae", "cae", "plain-cae")
@@ -33,8 +35,7 @@ def do_record(options) -> dict:
     from ptae_lite.robot import recorder
 
     folder = Path(options.out)
-    if folder.resolve().is_relative_to(_data_folder()):
-        raise PTAEError("data/ holds what the book is built on; record into build/recording/")
+    refuse_data(folder, RECORDING)
     done = list(folder.glob("sequences/*.npz"))
     left = 864 - len(done)
     recorder.record(
@@ -55,17 +56,20 @@ def do_features(options) -> dict:
     eye = vision.load_eye(eye_file)
     check_ours(options.data, same_scene=False)
     torch.set_num_threads(options.threads)
-    parts = [
-        vision.encode_images(eye, load_sequence(options.data, *sample).images)
-        for sample in bar(samples_in_order(), desc="features", unit=" samples")
-    ]
     path = Path(options.data) / "features.npz"
-    write_features(path, parts, eye_file)
+    with alone(options.data):
+        parts = [
+            vision.encode_images(eye, load_sequence(options.data, *sample).images)
+            for sample in bar(samples_in_order(), desc="features", unit=" samples")
+        ]
+        write_features(path, parts, eye_file)
     return {"features": str(path), "frames": sum(len(part) for part in parts)}
 
 
 def do_train(options) -> dict:
     torch.set_num_threads(options.threads)
+    refuse_data(options.out, "build/weights")
+    check_writable(options.out)  # now, and not after the training
     if options.model in ("cae", "plain-cae"):
         return _train_eye(options)
     from ptae_lite import dataset, training
@@ -125,7 +129,9 @@ def do_evaluate(options) -> dict:
 
 def do_study(options) -> dict:
     torch.set_num_threads(options.threads)
-    return STUDIES[options.name](options)
+    refuse_data(options.out, "build/results")
+    with alone(Path(options.out) / options.name):  # two would lose each other's rows
+        return STUDIES[options.name](options)
 
 
 def _supervision(options) -> dict:
@@ -207,12 +213,6 @@ def _train_eye(options) -> dict:
     return {"weights": str(options.out), "loss": round(sum(losses[-100:]) / len(losses[-100:]), 4)}
 
 
-def _data_folder() -> Path:
-    from ptae_lite import artefacts
-
-    return artefacts.DATA.resolve()
-
-
 def parser() -> argparse.ArgumentParser:
     main = argparse.ArgumentParser(
         prog="python -m ptae_lite", description="Record, train and evaluate PTAE-lite's models."
@@ -232,29 +232,35 @@ def parser() -> argparse.ArgumentParser:
 
     record = command("record", do_record, "Record all 864 samples with the simulated robot.")
     record.add_argument("--out", default=RECORDING, help="folder to record into, or to go on with")
-    record.add_argument("--workers", type=int, default=2, help="processes side by side")
+    record.add_argument("--workers", type=whole_number(1), default=2, help="processes side by side")
 
     features = command("features", do_features, "Turn all recorded frames into CAE features.")
     features.add_argument("--data", default=RECORDING, help="a recording's folder")
     features.add_argument("--eye", help="weights of a CAE (default: the stored one)")
-    features.add_argument("--threads", type=int, default=2, help="threads for the CAE")
+    features.add_argument("--threads", type=whole_number(1), default=2, help="threads for the CAE")
 
     train = command("train", do_train, "Train a model and write its weights.")
     train.add_argument("model", choices=TRAINED, help="what to train")
     train.add_argument("--data", default="recording",
                        help=DATA_HELP)  # fmt: skip
     train.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
-    train.add_argument("--seed", type=int, default=0, help="seed of weights and batches")
+    train.add_argument(
+        "--seed", type=whole_number(0), default=0, help="seed of weights and batches"
+    )
     train.add_argument("--epochs", type=int, help="epochs, but of a CAE (default: the recipe's)")
     train.add_argument("--labelled", type=float, metavar="PERCENT",
                        help="share of the training samples that have a label")  # fmt: skip
     train.add_argument("--held-out", action="store_true",
                        help="keep 18 training patterns aside and score on them")  # fmt: skip
     train.add_argument("--steps", type=int, help="steps of a CAE (default: the recipe's)")
-    train.add_argument("--code", type=int, default=10, help="features of a CAE (a channel)")
+    train.add_argument(
+        "--code", type=whole_number(1), default=10, help="features of a CAE (a channel)"
+    )
     train.add_argument("--set", action="append", metavar="NAME=VALUE",
                        help="a size or choice of the model, such as queries=action")  # fmt: skip
-    train.add_argument("--threads", type=int, default=1, help="threads inside one training")
+    train.add_argument(
+        "--threads", type=whole_number(1), default=1, help="threads inside one training"
+    )
     train.add_argument("--device", default="cpu", help="cpu, or a GPU such as cuda")
     train.add_argument("--out", required=True, help="safetensors file to write")
 
@@ -264,7 +270,7 @@ def parser() -> argparse.ArgumentParser:
                       help=DATA_HELP)  # fmt: skip
     test.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
     test.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
-    test.add_argument("--threads", type=int, default=1, help="threads")
+    test.add_argument("--threads", type=whole_number(1), default=1, help="threads")
 
     study = command("study", do_study, "Run an experiment; rows that are there are not run again.")
     study.add_argument("name", choices=tuple(STUDIES), help="which experiment")
@@ -274,35 +280,36 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
                        help="supervision: labelled samples in percent")  # fmt: skip
     study.add_argument("--variants", nargs="+", metavar="NAME", help="family: which rows")
-    study.add_argument("--seeds", type=int, nargs="+", help="one training for each")
-    study.add_argument("--workers", type=int, default=1, help="family: trainings side by side")
+    study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
+    study.add_argument(
+        "--workers", type=whole_number(1), default=1, help="family: trainings side by side"
+    )
     study.add_argument("--weights", metavar="FOLDER", help="family: keep the trained models here")
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
     study.add_argument("--eyes", default="build/eyes",
                        help="eyes: folder of the CAEs and their features")  # fmt: skip
-    study.add_argument("--threads", type=int, default=1, help="threads inside one training")
+    study.add_argument(
+        "--threads", type=whole_number(1), default=1, help="threads inside one training"
+    )
     study.add_argument("--out", default="build/results", help="folder of the tables")
     return main
 
 
 def main(arguments=None) -> int:
     options = parser().parse_args(arguments)
+    return guarded(options.command, lambda: show(options))
+
+
+def show(options) -> None:
+    """Run a command and print what it found."""
     begun = time.perf_counter()
-    try:
-        result = options.run(options)
-    except PTAEError as error:
-        print(f"{options.command}: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        print(f"{options.command}: stopped; what was finished is kept", file=sys.stderr)
-        return 130
+    result = options.run(options)
     result["seconds"] = round(time.perf_counter() - begun, 1)
     if options.json:
         print(json.dumps(result))
-    else:
-        for name, value in result.items():
-            print(f"{name:28} {value}")
-    return 0
+        return
+    for name, value in result.items():
+        print(f"{name:28} {value}")
 
 
 if __name__ == "__main__":

@@ -2,12 +2,15 @@
 
 `data/MANIFEST.json` says of each file its hash, its size and where it came from. Nothing that is
 loaded here can run code: weights are safetensors, arrays are npz without pickled objects.
+
+A full re-run has a data folder of its own: where `PTAE_DATA` names one, that is read instead.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 import subprocess
 from contextlib import contextmanager
@@ -15,13 +18,15 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
-from ptae_lite.errors import ArtefactError
+from ptae_lite.errors import ArtefactError, FileError
+from ptae_lite.files import cannot_write, whole
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = ROOT / "data"
+DATA = Path(os.environ.get("PTAE_DATA") or ROOT / "data").absolute()
 MANIFEST = "MANIFEST.json"
 RECORDED_WITH = ("torch", "numpy", "pybullet")
 
@@ -35,10 +40,13 @@ def manifest(data: Path | None = None) -> dict:
             "work in a complete checkout, or restore it with: git checkout data"
         )
     try:
-        found = json.loads(path.read_text())
+        found = json.loads(path.read_text(encoding="utf-8"))
     except ValueError:
         found = None
-    if not isinstance(found, dict):
+    entries = found.values() if isinstance(found, dict) else [None]
+    if not all(
+        isinstance(entry, dict) and {"sha256", "command"} <= set(entry) for entry in entries
+    ):
         raise ArtefactError(f"{path} is damaged; restore it with: git checkout data/{MANIFEST}")
     return found
 
@@ -58,7 +66,7 @@ def stored(name: str, data: Path | None = None) -> Path:
         ArtefactError: with the name, the expected hash and the command that makes the file again.
     """
     data = data or DATA
-    entry, path = entry_of(name, data), data / name
+    entry, path = entry_of(name, data), inside(name, data)
     mend = (
         f"restore it with: git checkout data/{name} "
         f"(it was made with: {entry['command']}; expected SHA-256 {entry['sha256']})"
@@ -68,6 +76,14 @@ def stored(name: str, data: Path | None = None) -> Path:
     status = path.stat()
     if sha256(path, status.st_mtime_ns, status.st_size) != entry["sha256"]:
         raise ArtefactError(f"data/{name} is damaged: its SHA-256 is not the manifest's; {mend}")
+    return path
+
+
+def inside(name: str, data: Path) -> Path:
+    """The path of a name in `data`. Raises `ArtefactError` where the name leads out of it."""
+    path = data / name
+    if not path.resolve().is_relative_to(data.resolve()):
+        raise ArtefactError(f"{name!r} leads out of {data}; a stored file lies inside it")
     return path
 
 
@@ -81,7 +97,7 @@ def sha256(path: Path, *_stamp) -> str:
 def register(name: str, *, command: str, seed: int | None, minutes: float, data=None) -> dict:
     """Write or renew the manifest's entry of a file that has just been put into `data/`."""
     data = data or DATA
-    path = data / name
+    path = inside(name, data)
     entries = manifest(data) if (data / MANIFEST).exists() else {}
     status = path.stat()
     entries[name] = {
@@ -94,7 +110,8 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "versions": {"python": platform.python_version()} | _versions(),
     }
     text = json.dumps(dict(sorted(entries.items())), indent=1)
-    (data / MANIFEST).write_text(text + "\n")
+    with whole(data / MANIFEST) as beside:
+        beside.write_text(text + "\n", encoding="utf-8")
     return entries[name]
 
 
@@ -120,12 +137,12 @@ def save_weights(path, tensors: dict, about: dict) -> None:
 
     The file appears whole or not at all.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(path.name + ".part")
     tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
-    save_file(tensors, beside, metadata={"about": json.dumps(about, sort_keys=True)})
-    beside.replace(path)
+    with whole(path) as beside:
+        try:
+            save_file(tensors, beside, metadata={"about": json.dumps(about, sort_keys=True)})
+        except SafetensorError as error:  # how this library reports what the system refused
+            raise FileError(cannot_write(path, OSError(str(error)))) from None
 
 
 def load_weights(path) -> tuple[dict, dict]:
@@ -139,8 +156,11 @@ def load_weights(path) -> tuple[dict, dict]:
         with safe_open(path, framework="pt") as file:
             about = json.loads((file.metadata() or {})["about"])
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, KeyError, ValueError, OSError) as error:
+    except (SafetensorError, KeyError, TypeError, ValueError, OSError) as error:
         raise ArtefactError(f"{path} holds no weights of ours ({error}); train it again") from None
+    broken = [name for name, tensor in tensors.items() if not torch.isfinite(tensor).all()]
+    if broken:
+        raise ArtefactError(f"{path}: {broken[0]} has numbers that are not finite; train it again")
     return tensors, about
 
 

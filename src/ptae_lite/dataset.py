@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from ptae_lite import artefacts, authors
 from ptae_lite.errors import ArtefactError, ConfigError, RecordingError
+from ptae_lite.files import whole
 from ptae_lite.language import patterns
 from ptae_lite.splits import patterns_of
 
@@ -242,6 +243,14 @@ def _assemble(arrays: dict, features: dict, data, expected_eye: str | None) -> S
             f"{data}: {total} frames of features for {frames.sum()} frames of joints; "
             "make the features again: python -m ptae_lite features"
         )
+    for name, values in (("joints_rad", arrays["joints_rad"]), ("features", features["features"])):
+        wrong = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(wrong):
+            sample = int(np.searchsorted(frames.cumsum(), wrong[0], side="right"))
+            raise RecordingError(
+                f"{data}: {name} of sample {sample} (pattern {arrays['pattern'][sample]}) are not "
+                "all finite numbers; record again, and make the features again"
+            )
     eye = str(features["eye"])
     if expected_eye is not None and eye != expected_eye:
         raise ArtefactError(
@@ -297,6 +306,6 @@ def write_features(path, features: list[np.ndarray], eye_file) -> None:
     Half precision: it changes no feature by more than 0.05 % and halves the file.
     """
     eye = hashlib.sha256(Path(eye_file).read_bytes()).hexdigest()
-    np.savez_compressed(
-        path, features=np.concatenate(features).astype(np.float16), eye=np.array(eye)
-    )
+    rows = np.concatenate(features).astype(np.float16)
+    with whole(path) as beside, beside.open("wb") as file:
+        np.savez_compressed(file, features=rows, eye=np.array(eye))

@@ -23,3 +23,7 @@ class ArtefactError(PTAEError):
 
 class ConfigError(PTAEError):
     """A setting that does not exist or has a value that makes no sense."""
+
+
+class FileError(PTAEError):
+    """A place that cannot be written to, or that another run is at work on."""

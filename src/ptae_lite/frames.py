@@ -17,10 +17,12 @@ from PIL import Image
 
 from ptae_lite import artefacts
 from ptae_lite.errors import RecordingError
+from ptae_lite.files import whole
 from ptae_lite.language import patterns
 from ptae_lite.robot.motions import VARIATIONS
 
 STORED = "recording/frames.zip"
+MAKE = "python -m ptae_lite record"
 _NAME = re.compile(r"p(\d{3})_v(\d)_t(\d{2,3})\.png")
 
 
@@ -55,7 +57,7 @@ def write(folder) -> Path:
     from ptae_lite.robot.recorder import load_sequence
 
     path, last, images = Path(folder) / "frames.zip", None, None
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as file:
+    with whole(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as file:
         for index, variation, t in choice():
             if (index, variation) != last:
                 images, last = load_sequence(folder, index, variation).images, (index, variation)
@@ -68,11 +70,16 @@ def write(folder) -> Path:
 
 @lru_cache(maxsize=2)
 def _open(path: Path) -> dict[tuple[int, int, int], bytes]:
-    with zipfile.ZipFile(path) as file:
-        return {
-            tuple(int(part) for part in _NAME.fullmatch(name).groups()): file.read(name)
-            for name in file.namelist()
-        }
+    try:
+        with zipfile.ZipFile(path) as file:
+            return {
+                tuple(int(part) for part in _NAME.fullmatch(name).groups()): file.read(name)
+                for name in file.namelist()
+            }
+    except AttributeError:  # a name that is none of ours has no groups
+        raise RecordingError(f"{path} holds more than frames, so it is not of ours") from None
+    except (zipfile.BadZipFile, OSError, EOFError) as error:
+        raise RecordingError(f"{path} is damaged ({error}); make it again: {MAKE}") from None
 
 
 def stored_keys() -> list[tuple[int, int, int]]:
@@ -89,7 +96,12 @@ def frame(pattern: int, variation: int, t: int) -> np.ndarray:
             f"frame {t} of pattern {pattern}, variation {variation} is not stored; "
             f"stored of it: {', '.join(map(str, sorted(there))) or 'none'}"
         )
-    return np.array(Image.open(io.BytesIO(frames[pattern, variation, t])).convert("RGB"))
+    try:
+        return np.array(Image.open(io.BytesIO(frames[pattern, variation, t])).convert("RGB"))
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:  # of a picture's file
+        raise RecordingError(
+            f"frame {t} of pattern {pattern} is damaged ({error}); {MAKE}"
+        ) from None
 
 
 def images(keys) -> np.ndarray:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,10 +24,12 @@ from joblib import Parallel, delayed
 
 from ptae_lite import language
 from ptae_lite.errors import RecordingError
+from ptae_lite.files import PART, alone, whole
 from ptae_lite.language import Pattern, patterns
 from ptae_lite.robot import arm, motions, scene, urdf
 
 FORMAT = "ptae-lite recording 1"
+IMAGE = (120, 160, 3)
 
 
 @dataclass(frozen=True)
@@ -94,37 +95,51 @@ def record(folder, *, workers: int = 2, only=None, progress=lambda done: done) -
 
     Raises:
         RecordingError: `folder` holds something else, or a recording of another scene.
+        FileError: another run records into it, or it cannot be written.
         LanguageError: a pattern that does not exist.
     """
     folder = Path(folder)
     for index in only or ():
         language.pattern(index)
-    _claim(folder)
-    jobs = [
-        (index, variation)
-        for index, variation in samples_in_order()
-        if (only is None or index in only) and not sequence_path(folder, index, variation).exists()
-    ]
-    scene.pybullet()  # fail here, not in every worker
-    run = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
-    for _ in progress(run(delayed(_record_to)(folder, *job) for job in jobs)):
-        pass
-    if only is None:
-        gather(folder)
+    _check_free(folder)
+    scene.pybullet()  # fail here, before anything is made, and not in every worker
+    with alone(folder):
+        _claim(folder)
+        jobs = [
+            (index, variation)
+            for index, variation in samples_in_order()
+            if (only is None or index in only)
+            and not sequence_path(folder, index, variation).exists()
+        ]
+        run = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
+        for _ in progress(run(delayed(_record_to)(folder, *job) for job in jobs)):
+            pass
+        if only is None:
+            gather(folder)
     return folder
 
 
-def _claim(folder: Path) -> None:
-    about = folder / "recording.json"
-    if about.exists():
+def _check_free(folder: Path) -> None:
+    """Refuse to record into a folder that holds anything but a recording of this scene."""
+    if (folder / "recording.json").exists():
         check_ours(folder)
-        return
-    if folder.exists() and any(folder.iterdir()):
+    elif folder.exists() and not folder.is_dir():
+        raise RecordingError(f"{folder} is a file; name a new or an empty folder to record into")
+    elif folder.exists() and any(path.suffix != PART for path in folder.iterdir()):
         raise RecordingError(
             f"{folder} is not empty and is not a recording of ours; name a new or an empty folder"
         )
-    (folder / "sequences").mkdir(parents=True, exist_ok=True)
-    about.write_text(json.dumps({"format": FORMAT, "fingerprint": fingerprint()}) + "\n")
+
+
+def _claim(folder: Path) -> None:
+    """Make the folder a recording's, and clear away what a run that was killed left half-done."""
+    if not (folder / "recording.json").exists():
+        with whole(folder / "recording.json") as beside:
+            about = {"format": FORMAT, "fingerprint": fingerprint()}
+            beside.write_text(json.dumps(about) + "\n", encoding="utf-8")
+    (folder / "sequences").mkdir(exist_ok=True)
+    for left in (folder / "sequences").glob(f"*{PART}"):
+        left.unlink()
 
 
 def check_ours(folder: str | Path, *, same_scene: bool = True) -> dict:
@@ -136,7 +151,7 @@ def check_ours(folder: str | Path, *, same_scene: bool = True) -> dict:
             "make one with: python -m ptae_lite record"
         )
     try:
-        found = json.loads(about.read_text())
+        found = json.loads(about.read_text(encoding="utf-8"))
     except ValueError:
         found = {}
     if not isinstance(found, dict) or found.get("format") != FORMAT:
@@ -152,10 +167,8 @@ def check_ours(folder: str | Path, *, same_scene: bool = True) -> dict:
 def _record_to(folder: Path, index: int, variation: int) -> None:
     made = record_sequence(patterns()[index], variation)
     path = sequence_path(folder, index, variation)
-    beside = path.with_suffix(f".{os.getpid()}.part")
-    with beside.open("wb") as file:
+    with whole(path) as beside, beside.open("wb") as file:
         np.savez_compressed(file, **vars(made))
-    os.replace(beside, path)
 
 
 def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
@@ -177,6 +190,17 @@ def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
                 f"{path}: {name} has {length} frames where pattern {pattern_index} has {frames}; "
                 "delete it and record again"
             )
+    if made.images.shape[1:] != IMAGE or made.images.dtype != np.uint8:
+        raise RecordingError(
+            f"{path}: images are {made.images.shape[1:]} of {made.images.dtype}, "
+            f"not {IMAGE} of uint8; delete it and record again"
+        )
+    own = motions.sample_seed(pattern_index, variation)
+    if made.seed != own:
+        raise RecordingError(
+            f"{path} holds sample {made.seed}, not {own}: files were swapped; "
+            "delete it and record again"
+        )
     return made
 
 
@@ -201,5 +225,6 @@ def gather(folder) -> Path:
         columns["frames"].append([len(made.joints_rad)])
     path = folder / "samples.npz"
     arrays = {name: np.concatenate(parts) for name, parts in columns.items()}
-    np.savez_compressed(path, **arrays)
+    with whole(path) as beside, beside.open("wb") as file:
+        np.savez_compressed(file, **arrays)
     return path

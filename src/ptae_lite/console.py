@@ -1,0 +1,52 @@
+"""What the command lines share: one sentence for what went wrong, and refusals before the work."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor
+from pathlib import Path
+
+from ptae_lite import artefacts
+from ptae_lite.errors import PTAEError
+from ptae_lite.files import cannot_write
+
+INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
+
+
+def guarded(name: str, work: Callable[[], int | None]) -> int:
+    """Run a command; its exit code. What ends it is one sentence on the error stream."""
+    try:
+        return work() or 0
+    except PTAEError as error:
+        sentence = str(error)
+    except OSError as error:  # where the system says no: a full disk in the middle of a table
+        sentence = cannot_write(error.filename or "a file", error)
+    except BrokenExecutor:
+        sentence = (
+            "a worker process was killed, perhaps because memory ran out; what was finished is "
+            "kept, and the same command goes on from there (--workers 1 needs least memory)"
+        )
+    except KeyboardInterrupt:
+        print(f"{name}: stopped; what was finished is kept", file=sys.stderr)
+        return INTERRUPTED
+    print(f"{name}: {sentence}", file=sys.stderr)
+    return 1
+
+
+def refuse_data(path, instead: str) -> None:
+    """No command writes into the data that the book is built on."""
+    if Path(path).resolve().is_relative_to(artefacts.DATA.resolve()):
+        raise PTAEError(f"{path}: data/ holds what the book is built on; write into {instead}/")
+
+
+def whole_number(least: int):
+    """What `argparse` takes for a whole number that is not below `least`."""
+
+    def number(text: str) -> int:
+        if not text.strip().lstrip("+-").isdigit() or int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text!r} is no whole number from {least} up")
+        return int(text)
+
+    return number
