@@ -5,6 +5,9 @@
     python3 run.py test [-- ARGS]     the book, unit tests, every notebook; or pytest with ARGS
     python3 run.py lab [-- ARGS]      open the chapters in JupyterLab (ARGS go to it)
     python3 run.py notebooks [NAME]   write the .ipynb twins of the chapters, with their outputs
+    python3 run.py doctor             what is wrong here, and the command that mends it
+    python3 run.py certify            run the chapters, and write down what came out
+    python3 run.py full [--seeds 1]   make everything anew and compare it with what is stored
 
 Standard library only, on Linux, macOS and Windows: this file runs before anything is installed.
 """
@@ -14,7 +17,6 @@ from __future__ import annotations  # so that an old Python reaches the sentence
 import argparse
 import hashlib
 import importlib.util
-import json
 import os
 import platform
 import re
@@ -29,7 +31,6 @@ STAMP = Path(".venv", "installed.sha256")  # which environment.txt the .venv/ wa
 MINIMUM = (3, 11)
 NEEDED_GB = 6  # PyTorch with its CUDA libraries, and as much again while pip unpacks it
 TIERS = ("replay", "quick", "full")
-TAIL = 15  # lines shown of a chapter's traceback
 
 
 class Stop(Exception):
@@ -115,6 +116,7 @@ def child_environment(environ: dict, tier: str | None = None) -> dict:
     child["PTAE_TIER"] = tier or environ.get("PTAE_TIER") or TIERS[0]
     child["OMP_NUM_THREADS"] = "1"  # two kernels at once would otherwise fight for the cores
     child["PYTHONHASHSEED"] = "0"
+    child["PYTHONUTF8"] = "1"  # texts are UTF-8, also where the system's locale is not
     child["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"  # silences a warning of the debugger
     if "PIP_FIND_LINKS" in environ:
         child.setdefault("UV_FIND_LINKS", environ["PIP_FIND_LINKS"])  # uv does not read pip's
@@ -161,35 +163,10 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
     return python
 
 
-def chapter_lines(times: dict) -> list:
-    """One line per chapter: its seconds, and for a failed one the end of its traceback."""
-    lines = []
-    width = max(map(len, times), default=0)
-    for name in sorted(times):
-        chapter = times[name]
-        state = "FAILED after" if chapter["traceback"] else "ran in"
-        lines.append(f"{name:<{width}}  {state} {chapter['seconds'] or 0:.1f} s")
-        tail = (chapter["traceback"] or "").strip().splitlines()[-TAIL:]
-        lines.extend("    " + line for line in tail)
-    return lines
-
-
 def book(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Run every chapter and build the site into build/html."""
-    record = ROOT / "build" / "chapter_times.json"
-    record.unlink(missing_ok=True)  # nothing of an earlier run may remain
-    shutil.rmtree(ROOT / "build" / "html", ignore_errors=True)
     say(f"Running every chapter (tier {env['PTAE_TIER']}) and building the site ...")
-    # A fresh environment makes Sphinx read, and so execute, every chapter; two at a time.
-    command = [python, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-E", "-j", "2"]
-    status = call([*command, "-d", "build/doctrees", "book", "build/html"], env)
-    if record.exists():
-        say("\n".join(["", *chapter_lines(json.loads(record.read_text(encoding="utf-8")))]))
-    if status == 0:
-        say(f"Open {Path('build', 'html', 'index.html')}")
-    else:
-        say("The book was not built; the messages above say why.")
-    return 1 if status else 0
+    return 1 if call([python, "-m", "ptae_lite.rerun.site"], env) else 0
 
 
 def test(python: Path, env: dict, args: argparse.Namespace) -> int:
@@ -220,19 +197,51 @@ def notebooks(python: Path, env: dict, args: argparse.Namespace) -> int:
     return call([python, "-m", "ptae_lite.display.pairs", *args.names], env)
 
 
+def doctor(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Say what is wrong here, and the command that mends each thing."""
+    return call([python, Path("src", "ptae_lite", "rerun", "doctor.py")], env)
+
+
+def full(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Make everything anew, from the recording to the book, and compare it with data/."""
+    options = ["--seeds", args.seeds, "--out", args.out, "--device", args.device]
+    return call([python, "-m", "ptae_lite.rerun.full", *options, *["--plan"] * args.plan], env)
+
+
+def certify(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Run the chapters and write what came out into one small file; or --check such a FILE."""
+    command = [python, "-m", "ptae_lite.rerun.certificate"]
+    if args.check:
+        return call([*command, "--check", args.check], env)
+    book(python, env, args)  # what fails in it stands in the certificate
+    return call([*command, "--out", args.out, "--name", args.name], env)
+
+
+JOBS = (book, test, lab, notebooks, doctor, certify, full)
+
+
 def parse(argv: list) -> argparse.Namespace:
     own, extra = argv, []
     if "--" in argv:
         own, extra = argv[: argv.index("--")], argv[argv.index("--") + 1 :]
     parser = argparse.ArgumentParser(prog="run.py", description=__doc__.split("\n\n")[0])
     jobs = parser.add_subparsers(dest="job", required=True, metavar="JOB")
-    for job in (book, test, lab, notebooks):
+    for job in JOBS:
         sub = jobs.add_parser(job.__name__, help=job.__doc__)
         sub.set_defaults(run=job, tier=None)
         if job in (book, test):
             sub.add_argument("--tier", choices=TIERS, help="stored results, short or full runs")
         if job is notebooks:
             sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
+        if job is certify:
+            sub.add_argument("--name", default="", help="who hands it in; decides what is asked")
+            sub.add_argument("--out", default="build/certificate.json", help="file to write")
+            sub.add_argument("--check", metavar="FILE", help="check a certificate, in seconds")
+        if job is full:
+            sub.add_argument("--seeds", type=int, default=3, help="trainings of each kind")
+            sub.add_argument("--out", default="build/full", help="folder, new or to go on with")
+            sub.add_argument("--device", default="auto", help="cpu, cuda, or auto")
+            sub.add_argument("--plan", action="store_true", help="only show what would be done")
     args = parser.parse_args(own)
     if extra and args.run not in (test, lab):
         parser.error(f"{args.job} takes no arguments after --")
@@ -245,7 +254,11 @@ def main(argv: list) -> int:
         check_python(sys.version_info)
         args = parse(argv)
         env = child_environment(os.environ, args.tier)
-        return args.run(ensure_environment(env), env, args)
+        if args.run is doctor:  # installs nothing: it says what there is
+            python = venv_python() if venv_python().exists() else Path(sys.executable)
+        else:
+            python = ensure_environment(env)
+        return args.run(python, env, args)
     except Stop as stop:
         print(stop, file=sys.stderr)
         return 1

@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import platform
+import shutil
 import subprocess
 from contextlib import contextmanager
 from functools import lru_cache
@@ -109,10 +110,22 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "minutes": round(minutes, 1),
         "versions": {"python": platform.python_version()} | _versions(),
     }
-    text = json.dumps(dict(sorted(entries.items())), indent=1)
-    with whole(data / MANIFEST) as beside:
-        beside.write_text(text + "\n", encoding="utf-8")
+    _write_manifest(entries, data)
     return entries[name]
+
+
+def adopt(name: str, source: Path, data: Path) -> None:
+    """Copy a stored file with its entry from one data folder into another."""
+    path, entries = stored(name, source), manifest(data) if (data / MANIFEST).exists() else {}
+    with whole(inside(name, data)) as beside:
+        shutil.copyfile(path, beside)
+    _write_manifest(entries | {name: entry_of(name, source)}, data)
+
+
+def _write_manifest(entries: dict, data: Path) -> None:
+    with whole(data / MANIFEST) as beside:
+        text = json.dumps(dict(sorted(entries.items())), indent=1)
+        beside.write_text(text + "\n", encoding="utf-8")
 
 
 def _versions() -> dict[str, str]:

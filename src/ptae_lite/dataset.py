@@ -155,20 +155,23 @@ def load(data="recording", holdout: int | None = None) -> Samples:
     if holdout is not None:
         raise ConfigError(f"{data} has a test part of its own; leave --holdout out")
     if str(data) == "recording":
-        arrays, eye = artefacts.stored("recording/samples.npz"), None
-        feature_file = artefacts.stored("recording/features.npz")
-        eye = artefacts.entry_of("weights/cae.safetensors")["sha256"]
-    else:
-        from ptae_lite.robot.recorder import check_ours
+        return load_stored()
+    from ptae_lite.robot.recorder import check_ours
 
-        check_ours(data, same_scene=False)
-        arrays, eye, feature_file = Path(data) / "samples.npz", None, Path(data) / "features.npz"
-        for path, command in ((arrays, "record"), (feature_file, "features")):
-            if not path.is_file():
-                raise RecordingError(
-                    f"{path} is missing; make it with: python -m ptae_lite {command}"
-                )
-    return _assemble(_read(arrays), _read(feature_file), data, eye)
+    check_ours(data, same_scene=False)
+    arrays, feature_file = Path(data) / "samples.npz", Path(data) / "features.npz"
+    for path, command in ((arrays, "record"), (feature_file, "features")):
+        if not path.is_file():
+            raise RecordingError(f"{path} is missing; make it with: python -m ptae_lite {command}")
+    return _assemble(_read(arrays), _read(feature_file), data, None)
+
+
+def load_stored(data: Path | None = None) -> Samples:
+    """The samples of the stored recording, or of another folder of stored files than `data/`."""
+    arrays = artefacts.stored("recording/samples.npz", data)
+    feature_file = artefacts.stored("recording/features.npz", data)
+    eye = artefacts.entry_of("weights/cae.safetensors", data)["sha256"]
+    return _assemble(_read(arrays), _read(feature_file), data or "recording", eye)
 
 
 def load_authors(folder, holdout: int | None = None) -> Samples:

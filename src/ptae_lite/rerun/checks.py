@@ -1,0 +1,192 @@
+"""How a re-made file is held against the stored one, each within a tolerance that it states.
+
+The same bytes always agree. Where they cannot be expected (another machine, an eye of today's
+recipe, another seed), a check compares what the file is good for: the numbers of a table, the
+scores of a model, the motions of a recording.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import torch
+from PIL import Image
+
+from ptae_lite import artefacts, dataset, vision
+from ptae_lite.evaluation import evaluate, linear_describe_accuracy
+from ptae_lite.models import checkpoint
+
+SAMPLES = "recording/samples.npz"
+
+
+class Verdict(NamedTuple):
+    agrees: bool
+    says: str
+
+
+class Check(NamedTuple):
+    """How a file is compared: `compare(name, remade, stored)`, the two being data folders."""
+
+    states: str  # the tolerance
+    compare: Callable[[str, Path, Path], Verdict]
+
+
+def judge(name: str, check: Check, remade: Path, stored: Path) -> Verdict:
+    """Compare one file of the two folders; what cannot be compared does not agree."""
+    made, kept = (artefacts.stored(name, folder) for folder in (remade, stored))
+    if made.read_bytes() == kept.read_bytes():
+        return Verdict(True, "the same bytes")
+    try:
+        return check.compare(name, remade, stored)
+    except (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile) as error:
+        return Verdict(False, f"cannot be compared ({error})")
+
+
+def near(pairs: dict[str, tuple], tolerances: dict[str, tuple[float, float]], share: float = 1.0):
+    """Hold numbers against each other: `pairs` has (remade, stored) arrays of each name.
+
+    A tolerance (a, r) allows a + r |stored|; `share` says how many of all numbers must keep it.
+    """
+    kept, count, furthest, worst = 0, 0, 0.0, ""
+    for name, both in pairs.items():
+        made, was = (np.asarray(one, dtype=float).ravel() for one in both)
+        room = tolerances[name][0] + tolerances[name][1] * np.abs(np.nan_to_num(was))
+        off = np.where(np.isnan(made) & np.isnan(was), 0, np.abs(made - was))
+        off = np.where(np.isnan(off), np.inf, off)  # a number where the other has none
+        kept, count = kept + int((off <= room).sum()), count + off.size
+        excess = off / np.maximum(room, 1e-12)
+        if off.size and excess.max() > furthest:
+            i = int(excess.argmax())
+            furthest, worst = excess[i], f"; furthest: {name} {made[i]:.4g} for {was[i]:.4g}"
+    if not count:
+        return Verdict(False, "they have nothing in common to compare")
+    return Verdict(kept >= share * count, f"{kept} of {count} numbers within{worst}")
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    with np.load(path, allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def table(key: tuple, within: dict[str, tuple[float, float]], share: float = 0.95) -> Check:
+    """A CSV table: rows with the same `key`, the mean over the seeds that both tables have.
+
+    `within` gives tolerances by a regular expression of the column's name.
+    """
+
+    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+        made, was = (pd.read_csv(folder / name) for folder in (remade, stored))
+        columns = {
+            column: next((room for p, room in within.items() if re.search(p, column)), None)
+            for column in was if column not in key
+        }  # fmt: skip
+        columns = {column: room for column, room in columns.items() if room is not None}
+        lost = [column for column in (*key, *columns) if column not in made]
+        if lost:
+            return Verdict(False, f"has no column {lost[0]!r}")
+        both = made.merge(was, on=list(key), suffixes=(" made", " was"))
+        group = [column for column in key if column != "seed"]
+        pairs = {}
+        for column in columns:
+            mine = both[[f"{column} made", f"{column} was"]].astype(float)
+            means = mine.groupby([both[c] for c in group], dropna=False).mean()
+            pairs[column] = (means[f"{column} made"], means[f"{column} was"])
+        verdict = near(pairs, columns, share)
+        return verdict._replace(says=f"{len(both)} of {len(was)} rows re-made, {verdict.says}")
+
+    rooms = ", ".join(f"{column} {_room(*room)}" for column, room in within.items())
+    return Check(f"{share:.0%} of its numbers: {rooms}", compare)
+
+
+def _room(absolute: float, relative: float) -> str:
+    parts = [f"{absolute:g}"] * bool(absolute) + [f"{relative:.0%}"] * bool(relative)
+    return "± " + (" + ".join(parts) or "0")
+
+
+def arrays(within: dict[str, float], share: float = 0.99) -> Check:
+    """An npz file: the named arrays within a tolerance, all others equal."""
+
+    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+        made, was = (_arrays(folder / name) for folder in (remade, stored))
+        if {n: a.shape for n, a in made.items()} != {n: a.shape for n, a in was.items()}:
+            return Verdict(False, "its arrays have other names or shapes")
+        for other in was.keys() - within.keys():
+            if not np.array_equal(made[other], was[other]):
+                return Verdict(False, f"{other} is not the same")
+        pairs = {n: (made[n], was[n]) for n in within}
+        return near(pairs, {n: (room, 0) for n, room in within.items()}, share)
+
+    rooms = ", ".join(f"{name} ± {room:g}" for name, room in within.items())
+    return Check(f"{share:.0%} of its numbers: {rooms}; the rest equal", compare)
+
+
+def _shapes(name: str, remade: Path, stored: Path) -> Verdict:
+    made, was = (
+        {n: a.shape for n, a in _arrays(folder / name).items()} for folder in (remade, stored)
+    )
+    return Verdict(made == was, "the same arrays and shapes" if made == was else "other arrays")
+
+
+def pictures(levels: float) -> Check:
+    """A zip of pictures: the same names, each on average within so many of 255 levels."""
+
+    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+        with zipfile.ZipFile(remade / name) as made, zipfile.ZipFile(stored / name) as was:
+            if made.namelist() != was.namelist():
+                return Verdict(False, "holds other pictures")
+            off = [np.abs(_pixels(made, p) - _pixels(was, p)).mean() for p in was.namelist()]
+        return near({"levels": (off, np.zeros(len(off)))}, {"levels": (levels, 0)}, 0.99)
+
+    return Check(f"99% of its pictures: on average ± {levels:g} of 255 levels", compare)
+
+
+def _pixels(file: zipfile.ZipFile, name: str) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(file.read(name))).convert("RGB"), dtype=float)
+
+
+def drawing(worse: float) -> Check:
+    """An eye: how far what it draws of the stored first frames is from them, one-sided."""
+
+    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+        from ptae_lite import frames
+
+        keys = [key for key in frames.stored_keys() if key[2] == 0][::4]
+        images = vision.as_input(frames.images(keys))
+        with torch.no_grad():
+            made, was = (
+                float((vision.load_eye(folder / name)(images) - images).abs().mean())
+                for folder in (remade, stored)
+            )
+        return Verdict(made <= was * (1 + worse), f"error of a pixel {made:.4f} for {was:.4f}")
+
+    return Check(f"draws first frames at most {worse:.0%} worse", compare)
+
+
+def _readout(name: str, remade: Path, stored: Path) -> Verdict:
+    scores = []
+    for folder in (remade, stored):
+        samples = dataset.load_stored(folder)
+        scores.append(linear_describe_accuracy(samples, samples.split("train")))
+    return near({"% read right": ([scores[0]], [scores[1]])}, {"% read right": (5, 0)})
+
+
+def _scores(name: str, remade: Path, stored: Path) -> Verdict:
+    """Each model on the features of its own folder's eye."""
+    made, was = (
+        evaluate(checkpoint.load(folder / name), dataset.load_stored(folder))
+        for folder in (remade, stored)
+    )
+    rooms = {score: (5, 0) if score.endswith("accuracy") else (0.5, 0) for score in was}
+    return near({score: ([made[score]], [was[score]]) for score in was}, rooms)
+
+
+SHAPES = Check("the same arrays and shapes; the numbers are another network's", _shapes)
+READOUT = Check("a weighted sum reads as many clips right, ± 5 points", _readout)
+SCORES = Check("accuracies ± 5 points, NRMSE ± 0.5 points", _scores)

@@ -1,0 +1,86 @@
+"""What of a re-run agreed with the stored files: a table, and one line to end with."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from typing import TYPE_CHECKING, NamedTuple
+
+from ptae_lite import artefacts
+from ptae_lite.files import whole
+from ptae_lite.rerun import checks, fingerprints
+from ptae_lite.rerun.stages import Stage
+from ptae_lite.rerun.view import duration
+
+if TYPE_CHECKING:
+    from ptae_lite.rerun.full import Rerun
+
+AGREES, DIFFERS, TAKEN, NEW = "agrees", "DIFFERS", "not re-made", "new"
+MISSING = "NOT MADE"
+
+
+class Row(NamedTuple):
+    """One stored file: its verdict, what was found, and the tolerance it was held to."""
+
+    file: str
+    verdict: str
+    found: str
+    tolerance: str
+
+
+def rows(rerun: Rerun) -> list[Row]:
+    """The verdict on every file that a stage makes, or that is stored."""
+    stored, made, found = rerun.settings.stored, rerun.settings.data, []
+    there = artefacts.manifest(stored)
+    for stage in rerun.stages:
+        entry = rerun.state["done"].get(stage.name, {})
+        for name, check in stage.makes.items():
+            if not rerun.finished(stage):
+                row = (MISSING, "its stage was not finished")
+            elif entry["command"] == rerun.taken:
+                row = (TAKEN, "needs PyBullet, so it was taken from data/")
+            elif name not in there:
+                row = (NEW, "nothing is stored to compare it with")
+            else:
+                verdict = checks.judge(name, check, made, stored)
+                row = (AGREES if verdict.agrees else DIFFERS, verdict.says)
+            found.append(Row(name, *row, check.states))
+    known = {row.file for row in found}
+    found += [Row(name, MISSING, "no stage makes it", "") for name in there if name not in known]
+    return found
+
+
+def write(rerun: Rerun, failed: Stage | None = None) -> int:
+    """Write `report.md` and `report.json`, print the end of it; 0 where nothing disagrees."""
+    found, out = rows(rerun), rerun.settings.out
+    minutes = sum(entry["minutes"] for entry in rerun.state["done"].values())
+    counts = Counter(row.verdict for row in found)
+    others = [f"{counts[v]} {v}" for v in (DIFFERS, MISSING, TAKEN, NEW) if counts[v]]
+    ending = ", ".join([f"{counts[AGREES]} of {len(found)} files agree", *others])
+    good = not failed and not counts[DIFFERS] and not counts[MISSING]
+    about = {
+        "seeds": rerun.settings.seeds, "device": rerun.settings.device,
+        "minutes": round(minutes, 1), "library": rerun.state["library"],
+        "versions": fingerprints.versions(), "good": good,
+    }  # fmt: skip
+    lines = [
+        "# A full re-run, held against `data/`", "",
+        f"{ending}. Seeds: {about['seeds']}. Device: {about['device']}. "
+        f"Time: {duration(minutes)}. "
+        + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".", "",
+        "| file | verdict | found | tolerance |", "|---|---|---|---|",
+        *(f"| {' | '.join(part.replace('|', '/') for part in row)} |" for row in found), "",
+        "| stage | minutes | command |", "|---|---|---|",
+        *(f"| {name} | {entry['minutes']:.1f} | `{entry['command']}` |"
+          for name, entry in rerun.state["done"].items()), "",
+    ]  # fmt: skip
+    with whole(out / "report.md") as beside:
+        beside.write_text("\n".join(lines), encoding="utf-8")
+    with whole(out / "report.json") as beside:
+        text = json.dumps(about | {"files": [row._asdict() for row in found]}, indent=1)
+        beside.write_text(text + "\n", encoding="utf-8")
+    for row in found:
+        if row.verdict != AGREES:
+            print(f"{row.verdict:12} {row.file}: {row.found}")
+    print(f"{ending}. The report: {out / 'report.md'}")
+    return 0 if good else 1

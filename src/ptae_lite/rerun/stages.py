@@ -1,0 +1,93 @@
+"""What a full re-run does, in order: one entry a command, with the stored files that it makes.
+
+To add a study, add its entry to `STAGES`: a name, the command, and of each file it leaves how it is
+held against the one in `data/`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ptae_lite.rerun.checks import (
+    READOUT,
+    SCORES,
+    SHAPES,
+    Check,
+    arrays,
+    drawing,
+    pictures,
+    table,
+)
+
+
+class Stage(NamedTuple):
+    """One command of a re-run."""
+
+    name: str
+    command: str  # after `python -m`; {out}, {seeds}, {device} are filled in
+    makes: dict[str, Check] = {}  # files below {out} and in data/ alike
+    minutes: float = 1.0  # on two free cores
+    seed_minutes: float = 0.0  # more for each seed
+    simulator: bool = False  # needs PyBullet, or images that only a recording has
+    leaves: tuple[str, ...] = ()  # files below {out} that are not stored
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        return (*self.makes, *self.leaves)
+
+    def estimate(self, seeds: int) -> float:
+        """Minutes that it takes with so many seeds."""
+        return self.minutes + self.seed_minutes * seeds
+
+    def arguments(self, **values) -> list[str]:
+        """The command's words; `seeds` is a list, of which each is a word of its own."""
+        words = []
+        for word in self.command.split():
+            fill = values["seeds"] if word == "{seeds}" else [word.format(**values)]
+            words += [str(one) for one in fill]
+        return words
+
+
+SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # one training differs from the next so much
+ANSWERS = {"^right$": (0, 0)}
+SEEN = {"both|left|right": (15, 0), "_mm|error": (0, 0.3), "r2": (0.15, 0)}
+STAGES = (
+    Stage("recording", "ptae_lite record --out {out}/recording", {
+        "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
+        "recording/frames.zip": pictures(2)}, 4, simulator=True),
+    Stage("eye", "ptae_lite train cae --data {out}/recording --threads 2 "
+          "--out {out}/weights/cae.safetensors",
+          {"weights/cae.safetensors": drawing(0.25)}, 12, simulator=True),
+    Stage("plain eye", "ptae_lite train plain-cae --data {out}/recording "
+          "--out {out}/weights/plain_cae.safetensors",
+          {"weights/plain_cae.safetensors": drawing(0.25)}, 5, simulator=True),
+    Stage("features", "ptae_lite features --data {out}/recording "
+          "--eye {out}/weights/cae.safetensors", {"recording/features.npz": READOUT},
+          1, simulator=True),
+    Stage("model", "ptae_lite train ptae --seed 0 --device {device} "
+          "--out {out}/weights/ptae.safetensors", {"weights/ptae.safetensors": SCORES}, 3),
+    Stage("conflicts", "ptae_lite.studies.stories --out {out}/results", {
+        "results/incongruence.csv":
+            table(("signal", "conflict_in", "conflicts", "aspects"), {"accuracy": (15, 0)}, 0.8),
+        "results/incongruence_stories.csv":
+            table(("signal", "conflict_in", "conflicts", "aspects"), ANSWERS, 0.7),
+        "results/incongruence_joints.npz": SHAPES}),
+    Stage("supervision", "ptae_lite study supervision --seeds {seeds} --out {out}/results", {
+        "results/supervision.csv":
+            table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
+        "results/supervision_sentences.csv": table(("share", "seed", "sample"), ANSWERS, 0.7)},
+        0, 12),
+    Stage("family", "ptae_lite study family --workers 2 --seeds {seeds} --out {out}/results", {
+        "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
+        "results/family_curves.csv":
+            table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8)}, 0, 30),
+    Stage("eyes", "ptae_lite study eyes --recording {out}/recording --eyes {out}/eyes "
+          "--seeds {seeds} --out {out}/results", {
+        "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
+        "results/eyes_drawings.npz": SHAPES}, 2, 60, simulator=True),
+    Stage("eyes in use", "ptae_lite study eyes-ptae --eyes {out}/eyes --seeds {seeds} "
+          "--out {out}/results",
+          {"results/eyes_ptae.csv": table(("eye", "seed"), SCORED, 0.9)}, 0, 18, simulator=True),
+    Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
+          leaves=("html/index.html", "chapter_times.json")),
+)  # fmt: skip

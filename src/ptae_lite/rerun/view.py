@@ -1,0 +1,81 @@
+"""One progress view of a long run: which stage, how far, and about how much time is left."""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+
+PERCENT = re.compile(rb"(\d{1,3})%\|")  # what a progress bar of tqdm says
+QUIET_S = 600  # between two lines where they cannot be written over, as in a log file
+
+
+def share_in(said: bytes) -> float | None:
+    """How far the last progress bar in `said` is, from 0 to 1; None without one."""
+    found = PERCENT.findall(said)
+    return int(found[-1]) / 100 if found else None
+
+
+def duration(minutes: float) -> str:
+    """Minutes as a reader says them."""
+    whole = max(round(minutes), 1)
+    return f"{whole} min" if whole < 60 else f"{whole // 60} h {whole % 60:02d} min"
+
+
+class View:
+    """Shows where a run is, on one line that is written over, or in a few lines of a log.
+
+    Args:
+        estimates: minutes of every stage, in order, as planned.
+        spent: minutes that stages before took, by their place: how fast this machine is.
+    """
+
+    def __init__(
+        self, names, estimates, spent: dict[int, float], stream=None, clock=time.monotonic
+    ):
+        self.names, self.estimates, self.spent = list(names), list(estimates), dict(spent)
+        self.stream, self.clock = stream or sys.stderr, clock
+        self.at, self.begun, self.share, self.shown = 0, clock(), 0.0, -QUIET_S
+
+    def begin(self, at: int) -> None:
+        self.at, self.begun, self.share, self.shown = at, self.clock(), 0.0, -QUIET_S
+        self.show()
+
+    def done(self) -> float:
+        """The stage that was begun is over; the minutes it took."""
+        self.spent[self.at] = minutes = (self.clock() - self.begun) / 60
+        self._write(f"{self._place()} done in {duration(minutes)}", last=True)
+        return minutes
+
+    def tick(self, share: float | None) -> None:
+        """How far the stage is, from 0 to 1, or None where nothing new is known."""
+        self.share = self.share if share is None else share
+        self.show()
+
+    def minutes_left(self) -> float:
+        """Of the whole run: as planned, but at the speed that this machine has shown."""
+        planned = sum(self.estimates[i] for i in self.spent)
+        speed = sum(self.spent.values()) / planned if planned > 2 else 1.0
+        gone = (self.clock() - self.begun) / 60
+        mine = max(self.estimates[self.at] * speed - gone, 0)
+        if self.share > 0.05:  # the stage itself knows better
+            mine = gone * (1 - self.share) / self.share
+        later = range(self.at + 1, len(self.names))
+        return mine + speed * sum(self.estimates[i] for i in later if i not in self.spent)
+
+    def show(self) -> None:
+        if not self.stream.isatty() and self.clock() - self.shown < QUIET_S:
+            return
+        self.shown = self.clock()
+        share = f" {self.share:.0%}" if self.share else ""
+        self._write(f"{self._place()}{share}, about {duration(self.minutes_left())} left in all")
+
+    def _place(self) -> str:
+        return f"[{self.at + 1}/{len(self.names)}] {self.names[self.at]}"
+
+    def _write(self, text: str, last: bool = False) -> None:
+        if self.stream.isatty():
+            self.stream.write("\r" + text.ljust(70) + ("\n" if last else ""))
+        else:
+            self.stream.write(text + "\n")
+        self.stream.flush()

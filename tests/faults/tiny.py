@@ -1,0 +1,117 @@
+"""Jobs of seconds for the tests of this folder, run as a process: `python tiny.py JOB ARGUMENTS`.
+
+Each is the library's own command on made-up samples or tiny sizes, and says `begun` when it has
+something to lose.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+FEATURES = 6
+WAIT_S = 0.2  # between two steps of a job: long enough to be stopped in between
+
+
+def say(text: str) -> None:
+    print(text, flush=True)
+
+
+def samples():
+    """36 made-up samples, as `few` of the tests' conftest, without its fixtures."""
+    from ptae_lite.dataset import Samples
+    from ptae_lite.language import pattern
+
+    rng = np.random.default_rng(1)
+    numbers = np.repeat([0, 7, 72, 73, 2, 78], 6)
+    frames = np.array([pattern(int(i)).frames for i in numbers])
+    inside = (np.arange(100) < frames[:, None])[..., None]
+    joints, features = (rng.normal(size=(36, 100, k)).astype(np.float32) for k in (5, FEATURES))
+    return Samples(joints * inside, features * inside, frames, numbers, np.tile(np.arange(6), 6),
+                   "e" * 64)  # fmt: skip
+
+
+def command(*arguments) -> int:
+    """`python -m ptae_lite ARGUMENTS` on the made-up samples, with slow and tiny trainings."""
+    import ptae_lite.__main__ as cli
+    from ptae_lite import dataset, training
+
+    real, many = training.Recipe, samples()
+    for model in training.RECIPES:
+        training.RECIPES[model] = real(epochs=3, batch=8)
+    dataset.load = lambda *_: many
+    cli.bar = slow
+    return cli.main([*arguments])
+
+
+def slow(items, **_):
+    """In place of a progress bar: says that there is something to lose, and takes its time."""
+    for item in items:
+        yield item
+        say("begun")
+        time.sleep(WAIT_S)
+
+
+def record(folder, workers="1") -> int:
+    from ptae_lite.console import guarded
+    from ptae_lite.robot import recorder
+
+    def work():
+        recorder.record(folder, only=[80], workers=int(workers), progress=slow)
+
+    return guarded("record", work)
+
+
+def make(*paths) -> int:
+    """Write small tables, one row at a time, as a stage of a re-run does."""
+    from ptae_lite.files import whole
+
+    for number, path in enumerate(paths):
+        rows = []
+        for i in range(4):
+            rows.append({"model": "a", "seed": 0, "row": i, "accuracy": 90 + i + number})
+            print(f"rows: {25 * (i + 1)}%|", file=sys.stderr, flush=True)
+            time.sleep(WAIT_S)
+        with whole(path) as beside, beside.open("w", newline="") as file:
+            table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            table.writeheader()
+            table.writerows(rows)
+        with (Path(path).parent / "times_made.txt").open("a") as file:
+            file.write(f"{Path(path).name}\n")
+    return 0
+
+
+def rerun(folder, stored) -> int:
+    """A full re-run of tiny stages."""
+    from ptae_lite.console import guarded
+    from ptae_lite.rerun import report
+    from ptae_lite.rerun.checks import table
+    from ptae_lite.rerun.full import Rerun, Settings
+    from ptae_lite.rerun.stages import Stage
+
+    check = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
+    stages = tuple(
+        Stage(name, f"tiny make {{out}}/results/{name}.csv", {f"results/{name}.csv": check}, 0.1)
+        for name in ("one", "two", "three")
+    )
+    settings = Settings(Path(folder), 1, "cpu", Path(stored))
+
+    def work() -> int:
+        again = Rerun(settings, stages)
+        return report.write(again, again.go(stream=sys.stderr))
+
+    return guarded("full", work)
+
+
+def failing(*_) -> int:
+    say("the last words")
+    return 3
+
+
+if __name__ == "__main__":
+    job, *arguments = sys.argv[1:]
+    sys.exit(globals()[job](*arguments))

@@ -1,0 +1,349 @@
+"""A full re-run in small: what is finished is not done twice, and the report tells the truth."""
+
+import io
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptae_lite import artefacts
+from ptae_lite.errors import PTAEError
+from ptae_lite.rerun import checks, full, report
+from ptae_lite.rerun.checks import arrays, judge, near, pictures, table
+from ptae_lite.rerun.full import Rerun, Settings
+from ptae_lite.rerun.stages import STAGES, Stage
+from ptae_lite.rerun.view import View, duration, share_in
+
+CHECK = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
+NAMES = ("results/one.csv", "results/two.csv")
+
+
+def stage(name, **more):
+    more = {"minutes": 0.1} | more
+    return Stage(name, f"tiny make {{out}}/results/{name}.csv", {f"results/{name}.csv": CHECK},
+                 **more)  # fmt: skip
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    """The tiny jobs can be named as modules, and take no time."""
+    import faults.tiny as module
+
+    monkeypatch.setenv("PYTHONPATH", f"{Path(module.__file__).parent}:{artefacts.ROOT / 'src'}")
+    return module
+
+
+@pytest.fixture
+def stored(tmp_path):
+    """A data folder with the two tables that the tiny stages make."""
+    folder = tmp_path / "stored"
+    for number, name in enumerate(NAMES):
+        rows = [{"model": "a", "seed": 0, "row": i, "accuracy": 90 + i} for i in range(4)]
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        pd.DataFrame(rows).to_csv(folder / name, index=False)
+        artefacts.register(name, command="x", seed=0, minutes=number, data=folder)
+    return folder
+
+
+@pytest.fixture
+def settings(tmp_path, stored):
+    return Settings(tmp_path / "out", 1, "cpu", stored)
+
+
+def test_every_stored_file_is_made_by_one_stage():
+    made = [name for one in STAGES for name in one.makes]
+    assert len(made) == len(set(made))
+    lacking = set(artefacts.manifest()) - set(made)
+    assert not lacking, f"add to a stage in rerun/stages.py, or add a stage: {sorted(lacking)}"
+
+
+def test_every_stage_is_a_command_that_exists():
+    from ptae_lite.__main__ import parser
+
+    for one in STAGES:
+        module, *arguments = one.arguments(out=Path("o"), seeds=range(2), device="cpu")
+        if module == "ptae_lite":
+            assert vars(parser().parse_args(arguments))["run"]
+        else:
+            __import__(module)
+    assert "--seeds 0 1 " in " ".join(STAGES[6].arguments(out="o", seeds=range(2), device="cpu"))
+
+
+def test_a_run_makes_everything_once_and_says_what_agreed(tiny, settings, capsys):
+    stages, stream = (stage("one"), stage("two")), io.StringIO()
+    assert Rerun(settings, stages).go(stream) is None
+    assert "[2/2] two done" in stream.getvalue()
+    again = Rerun(settings, stages)
+    assert [state for _, state in again.plan()] == ["done", "done"]
+    again.go(stream)
+    assert (settings.out / "results/times_made.txt").read_text() == "one.csv\ntwo.csv\n"
+    assert report.write(again) == 0
+    assert "2 of 2 files agree. The report:" in capsys.readouterr().out
+    text = (settings.out / "report.md").read_text()
+    assert "| results/one.csv | agrees | the same bytes |" in text
+    assert "`python -m tiny make" in text and str(settings.out) not in text
+    entry = artefacts.entry_of(NAMES[0], settings.data)
+    assert entry["command"].startswith("python -m tiny make")
+
+
+def test_a_file_that_was_lost_or_changed_is_made_again_and_no_other(tiny, settings):
+    stages = (stage("one"), stage("two"))
+    Rerun(settings, stages).go(io.StringIO())
+    (settings.data / NAMES[0]).write_text("model\n")
+    assert [state for _, state in Rerun(settings, stages).plan()] == ["to do", "done"]
+    Rerun(settings, stages).go(io.StringIO())
+    made = (settings.out / "results/times_made.txt").read_text().split()
+    assert made == ["one.csv", "two.csv", "one.csv"]
+
+
+def test_what_differs_is_said_and_fails(tiny, settings, capsys):
+    table = pd.read_csv(settings.stored / NAMES[1])
+    table.assign(accuracy=table["accuracy"] + 3).to_csv(settings.stored / NAMES[1], index=False)
+    artefacts.register(NAMES[1], command="x", seed=0, minutes=0, data=settings.stored)
+    again = Rerun(settings, (stage("one"), stage("two")))
+    again.go(io.StringIO())
+    assert report.write(again) == 1
+    out = capsys.readouterr().out
+    assert "DIFFERS      results/two.csv: 4 of 4 rows re-made, 0 of 4 numbers within; " in out
+    assert "furthest: accuracy 90 for 93" in out
+    found = json.loads((settings.out / "report.json").read_text())
+    assert not found["good"] and [row["verdict"] for row in found["files"]] == ["agrees", "DIFFERS"]
+
+
+def test_a_failed_stage_stops_the_run_and_the_report_names_what_is_missing(tiny, settings, capsys):
+    stages = (stage("one"), Stage("two", "tiny failing", {NAMES[1]: CHECK}), stage("three"))
+    again = Rerun(settings, stages)
+    failed = again.go(io.StringIO())
+    assert failed.name == "two" and "the last words" in again.last_words(failed)
+    assert report.write(again, failed) == 1
+    out = capsys.readouterr().out
+    assert "NOT MADE     results/two.csv: its stage was not finished" in out
+    assert not (settings.out / "results/three.csv").exists()
+
+
+def test_a_stored_file_that_no_stage_makes_is_named(tiny, settings, capsys):
+    again = Rerun(settings, (stage("one"),))
+    again.go(io.StringIO())
+    assert report.write(again) == 1
+    assert "results/two.csv: no stage makes it" in capsys.readouterr().out
+
+
+def test_without_a_simulator_its_files_are_taken_and_called_so(tiny, settings, capsys):
+    stages = (stage("one", simulator=True), stage("two"), stage("new", simulator=True))
+    again = Rerun(settings, stages, simulator=False)
+    again.go(io.StringIO())
+    assert (settings.data / NAMES[0]).read_bytes() == (settings.stored / NAMES[0]).read_bytes()
+    assert artefacts.entry_of(NAMES[0], settings.data)["command"] == "x"
+    assert [state for _, state in Rerun(settings, stages, simulator=False).plan()] == ["done"] * 3
+    assert report.write(again) == 0
+    assert (
+        "not re-made  results/one.csv: needs PyBullet, so it was taken" in capsys.readouterr().out
+    )
+    assert (settings.out / "results/times_made.txt").read_text() == "two.csv\n"
+
+
+def test_a_folder_of_something_else_is_refused_and_left_alone(settings):
+    settings.out.mkdir()
+    (settings.out / "mine.txt").write_text("mine")
+    with pytest.raises(PTAEError, match="out holds something else; name a new or an empty folder"):
+        Rerun(settings, ())
+    assert [path.name for path in settings.out.iterdir()] == ["mine.txt"]
+
+
+def test_a_run_of_another_version_of_the_library_is_not_gone_on_with(tiny, settings, monkeypatch):
+    Rerun(settings, (stage("one"),)).go(io.StringIO())
+    monkeypatch.setattr(full, "library", lambda: "another")
+    with pytest.raises(PTAEError, match="begun with another version of the library"):
+        Rerun(settings, (stage("one"),))
+
+
+def test_a_damaged_record_of_what_is_done_is_refused(settings):
+    settings.out.mkdir()
+    (settings.out / "rerun.json").write_text('{"format": ')
+    with pytest.raises(PTAEError, match="rerun.json is damaged; delete the folder"):
+        Rerun(settings, ())
+
+
+def test_the_plan_is_shown_without_doing_anything(tmp_path, capsys):
+    out = tmp_path / "new"
+    assert full.main(["--plan", "--seeds", "1", "--out", str(out)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(STAGES) + 1 and not out.exists()
+    assert re.match(r"to do +4 min  python -m ptae_lite record --out", lines[0])
+    assert re.fullmatch(r"About \d h \d\d min to do, on two free cores.", lines[-1])
+
+
+def test_a_full_run_into_the_data_folder_is_refused(capsys):
+    assert full.main(["--out", str(artefacts.DATA / "full")]) == 1
+    assert (
+        "data/ holds what the book is built on; write into build/full/" in capsys.readouterr().err
+    )
+
+
+def test_the_device_is_a_gpu_only_where_there_is_one(monkeypatch):
+    for there, wanted in ((True, "cuda"), (False, "cpu")):
+        monkeypatch.setattr(full.torch.cuda, "is_available", lambda there=there: there)
+        assert full.device("auto") == wanted and full.device("cpu") == "cpu"
+
+
+# ---------------------------------------------------------------- comparing
+
+
+def test_numbers_are_near_within_what_is_allowed():
+    pairs = {"a": ([1.0, 2.0, np.nan], [1.1, 2.0, np.nan]), "b": ([10], [12])}
+    assert near(pairs, {"a": (0.2, 0), "b": (0, 0.2)}) == (True, "4 of 4 numbers within; "
+                                                           "furthest: b 10 for 12")  # fmt: skip
+    assert not near(pairs, {"a": (0.05, 0), "b": (0, 0.2)}).agrees
+    assert near(pairs, {"a": (0.05, 0), "b": (0, 0.2)}, share=0.7).agrees
+    assert not near({"a": ([np.nan], [1.0])}, {"a": (9, 9)}).agrees
+    assert near({}, {}) == (False, "they have nothing in common to compare")
+
+
+def two(tmp_path, name, write):
+    """The same file name in two data folders, written by `write(path, first)`."""
+    folders = [tmp_path / "remade", tmp_path / "stored"]
+    for first, folder in zip((True, False), folders, strict=True):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        write(folder / name, first)
+        artefacts.register(name, command="x", seed=0, minutes=0, data=folder)
+    return folders
+
+
+def test_tables_are_compared_by_means_over_the_seeds_both_have(tmp_path):
+    def write(path, first):
+        rows = [("a", 0, 90.0, 5), ("a", 1, 80.0, 5), ("b", 0, 70.0, 5)]
+        if first:  # seeds change places, one row is not there, a column that does not count differs
+            rows = [("a", 0, 80.0, 9), ("a", 1, 90.0, 9)]
+        pd.DataFrame(rows, columns=["model", "seed", "accuracy", "seconds"]).to_csv(
+            path, index=False
+        )
+
+    folders = two(tmp_path, "t.csv", write)
+    check = table(("model", "seed"), {"accuracy": (1, 0)})
+    assert judge("t.csv", check, *folders) == (True, "2 of 3 rows re-made, 1 of 1 numbers within")
+    assert check.states == "95% of its numbers: accuracy ± 1"
+    other = table(("model", "split"), {"accuracy": (1, 0)})
+    assert judge("t.csv", other, *folders) == (False, "has no column 'split'")
+
+
+def test_a_table_without_a_column_does_not_agree(tmp_path):
+    def write(path, first):
+        pd.DataFrame({"model": ["a"], "good" if first else "accuracy": [1]}).to_csv(
+            path, index=False
+        )
+
+    verdict = judge(
+        "t.csv", table(("model",), {"accuracy": (9, 0)}), *two(tmp_path, "t.csv", write)
+    )
+    assert verdict == (False, "has no column 'accuracy'")
+
+
+@pytest.mark.parametrize(
+    ("change", "agrees"),
+    [({"joints": 0.005}, True), ({"joints": 0.05}, False), ({"pattern": 1}, False)],
+)
+def test_arrays_are_compared_by_name(tmp_path, change, agrees):
+    def write(path, first):
+        made = {"joints": np.zeros((4, 5)), "pattern": np.arange(4)}
+        np.savez(path, **{k: v + (change.get(k, 0) if first else 0) for k, v in made.items()})
+
+    folders = two(tmp_path, "a.npz", write)
+    assert judge("a.npz", arrays({"joints": 0.01}), *folders).agrees is agrees
+    assert judge("a.npz", checks.SHAPES, *folders).agrees
+
+
+@pytest.mark.parametrize(("levels", "agrees"), [(1, True), (9, False)])
+def test_pictures_are_compared_by_their_pixels(tmp_path, levels, agrees):
+    import zipfile
+
+    from PIL import Image
+
+    def write(path, first):
+        with zipfile.ZipFile(path, "w") as file:
+            png = io.BytesIO()
+            Image.new("RGB", (4, 4), (100 + levels * first,) * 3).save(png, "PNG")
+            file.writestr("p000_v0_t00.png", png.getvalue())
+
+    assert judge("z.zip", pictures(2), *two(tmp_path, "z.zip", write)).agrees is agrees
+
+
+def test_the_stored_eyes_and_features_agree_with_themselves_by_score():
+    data = artefacts.DATA
+    for one in STAGES:
+        for name, check in one.makes.items():
+            if check is checks.READOUT or "draws" in check.states:
+                assert check.compare(name, data, data).agrees, name
+
+
+@pytest.mark.parametrize(("accuracy", "agrees"), [(96.0, True), (93.0, False)])
+def test_a_model_is_compared_by_its_scores(monkeypatch, accuracy, agrees):
+    scores = iter([{"describe_accuracy": accuracy, "execute_nrmse": 1.9},
+                   {"describe_accuracy": 99.5, "execute_nrmse": 1.7}])  # fmt: skip
+    monkeypatch.setattr(checks, "evaluate", lambda *_: next(scores))
+    data = artefacts.DATA
+    assert checks.SCORES.compare("weights/ptae.safetensors", data, data).agrees is agrees
+
+
+def test_an_eye_that_draws_worse_is_found(tmp_path):
+    import torch
+
+    from ptae_lite import vision
+
+    def write(path, first):
+        if not first:
+            shutil.copyfile(artefacts.stored("weights/plain_cae.safetensors"), path)
+            return
+        eye = vision.load_eye(artefacts.stored("weights/plain_cae.safetensors"))
+        with torch.no_grad():
+            eye.decoder[-2].bias += 0.5
+        vision.save_eye(path, eye)
+
+    folders = two(tmp_path, "weights/plain_cae.safetensors", write)
+    verdict = judge("weights/plain_cae.safetensors", checks.drawing(0.25), *folders)
+    assert not verdict.agrees and verdict.says.startswith("error of a pixel")
+
+
+# ---------------------------------------------------------------- the view
+
+
+def test_the_share_is_the_last_that_a_bar_said():
+    assert share_in(b"a:  5%|x | 1/20\ra:  45%|xxxx  | 9/20 ") == 0.45
+    assert share_in(b"nothing of the kind: 5 %") is None
+
+
+def test_durations():
+    assert [duration(m) for m in (0, 1.6, 59, 61, 391)] == [
+        "1 min", "2 min", "59 min", "1 h 01 min", "6 h 31 min"
+    ]  # fmt: skip
+
+
+def test_time_left_follows_the_speed_of_this_machine():
+    now = [0.0]
+    view = View(["a", "b", "c"], [10, 20, 30], {}, io.StringIO(), clock=lambda: now[0])
+    view.begin(0)
+    assert view.minutes_left() == 60
+    now[0] += 20 * 60  # ten planned minutes took twenty
+    assert view.done() == 20
+    view.begin(1)
+    assert view.minutes_left() == 100
+    now[0] += 10 * 60
+    view.tick(0.5)  # half of it in ten minutes: the stage knows better than the plan
+    assert view.minutes_left() == 10 + 60
+
+
+def test_a_terminal_gets_one_line_and_a_log_few():
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    for stream, lines in ((Terminal(), 1), (io.StringIO(), 2)):
+        view = View(["a"], [1], {}, stream)
+        view.begin(0)
+        for i in range(10):
+            view.tick(i / 10)
+        view.done()
+        assert stream.getvalue().count("\n") == lines
