@@ -212,7 +212,8 @@ def certify(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Run the chapters and write what came out into one small file; or --check such a FILE."""
     command = [python, "-m", "ptae_lite.rerun.certificate"]
     if args.check:
-        return call([*command, "--check", args.check], env)
+        return call([*command, "--check", Path(args.check).absolute()], env)
+    env["PTAE_TIER"] = "replay"
     book(python, env, args)  # what fails in it stands in the certificate
     return call([*command, "--out", args.out, "--name", args.name], env)
 

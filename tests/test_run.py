@@ -182,38 +182,40 @@ def test_children_get_fixed_settings():
 # ---------------------------------------------------------------- the jobs
 
 
-def test_chapter_lines():
-    traceback = "\n".join(f"line {i}" for i in range(100))
-    lines = run.chapter_lines(
-        {
-            "02_vision": {"seconds": 0.51, "traceback": traceback},
-            "01_simulation": {"seconds": 12.34, "traceback": ""},
-        }
-    )
-    assert lines[0] == "01_simulation  ran in 12.3 s"
-    assert lines[1] == "02_vision      FAILED after 0.5 s"
-    assert lines[-1] == "    line 99"
-    assert len(lines) == 2 + run.TAIL
-    assert run.chapter_lines({}) == []
+@pytest.mark.parametrize(("status", "ends"), [(0, 0), (2, 1), (-9, 1)])
+def test_the_book_is_built_by_the_environment(status, ends, calls, monkeypatch, capsys):
+    monkeypatch.setattr(run, "call", lambda command, env: calls.append(command) or status)
+    assert run.book("py", {"PTAE_TIER": "quick"}, None) == ends
+    assert calls == [["py", "-m", "ptae_lite.rerun.site"]]
+    assert "tier quick" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("status", [0, 1])
-def test_the_book_says_what_to_open_or_that_it_failed(status, calls, root, monkeypatch, capsys):
-    record = root / "build" / "chapter_times.json"
-    record.parent.mkdir()
-    record.write_text('{"00_old": {"seconds": 1, "traceback": ""}}')
+def test_the_doctor_installs_nothing_and_needs_no_environment(calls, root, monkeypatch):
+    monkeypatch.setattr(run, "ensure_environment", lambda env: 1 / 0)
+    assert run.main(["doctor"]) == 0
+    ((python, script),) = calls
+    assert python == sys.executable and (ROOT / script).is_file()
+    monkeypatch.setattr(run, "venv_python", lambda: root / "environment.txt")  # a file that exists
+    run.main(["doctor"])
+    assert calls[1][0] == str(root / "environment.txt")
 
-    def sphinx(command, env):
-        assert not record.exists()  # the times of an earlier run must not be shown
-        record.write_text('{"01_new": {"seconds": 2, "traceback": ""}}')
-        return 2 * status
 
-    monkeypatch.setattr(run, "call", sphinx)
-    assert run.book("py", {"PTAE_TIER": "replay"}, None) == status
-    out = capsys.readouterr().out
-    assert "01_new  ran in 2.0 s" in out
-    assert "00_old" not in out
-    assert (str(Path("build", "html", "index.html")) in out) == (status == 0)
+def test_a_certificate_runs_the_chapters_as_they_are_stored(calls, monkeypatch):
+    tiers = []
+    monkeypatch.setattr(run, "book", lambda python, env, args: tiers.append(env["PTAE_TIER"]) or 1)
+    env = run.child_environment({"PTAE_TIER": "quick"})
+    assert run.certify("py", env, run.parse(["certify", "--name", "Ada"])) == 0
+    assert tiers == ["replay"]
+    assert calls[0][-4:] == ["--out", "build/certificate.json", "--name", "Ada"]
+    run.certify("py", env, run.parse(["certify", "--check", "c.json"]))
+    assert calls[1][-2:] == ["--check", str(Path("c.json").absolute())] and len(tiers) == 1
+
+
+def test_a_full_rerun_hands_its_options_on(calls):
+    run.full("py", {}, run.parse(["full", "--seeds", "1", "--plan"]))
+    assert calls[0][2:] == [
+        "ptae_lite.rerun.full", "--seeds", "1", "--out", "build/full", "--device", "auto", "--plan"
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("site", [0, 1])

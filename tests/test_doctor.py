@@ -1,0 +1,172 @@
+"""The doctor: every thing it looks at, well and ill, with the command that mends it."""
+
+import ast
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from ptae_lite import artefacts
+from ptae_lite.rerun import doctor
+from ptae_lite.rerun.doctor import GOOD, PROBLEM, WARNING
+
+ROOT = artefacts.ROOT
+PINS = 'numpy==2.0\ntorch==2.13.0\npybullet==3.2.7; python_version < "{}"\n# x==1\n'
+
+
+@pytest.fixture
+def root(tmp_path):
+    """A project with an environment and one stored file."""
+    (tmp_path / "environment.txt").write_text(PINS.format("9.9"))
+    (tmp_path / ".venv").mkdir()
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/one.bin").write_bytes(b"whole")
+    artefacts.register("one.bin", command="x", seed=0, minutes=0, data=tmp_path / "data")
+    return tmp_path
+
+
+def have(**versions):
+    return lambda package: versions.get(package)
+
+
+def test_it_needs_nothing_but_the_standard_library():
+    tree = ast.parse(Path(doctor.__file__).read_text("utf-8"))
+    names = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+    names |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
+    assert {name.split(".")[0] for name in names} <= sys.stdlib_module_names
+
+
+def test_an_old_python_is_a_problem():
+    found = doctor.check_python((3, 10, 4))
+    assert found.state == PROBLEM and "3.10.4 is older than 3.11" in found.says
+    assert "delete .venv/, then:" in found.mend
+    assert doctor.check_python((3, 14, 0)).state == GOOD
+
+
+def test_pins_are_read_with_their_markers(root):
+    assert doctor.pins(root / "environment.txt") == {
+        "numpy": "2.0", "torch": "2.13.0", "pybullet": "3.2.7"
+    }  # fmt: skip
+    (root / "environment.txt").write_text(PINS.format("3.11"))
+    assert "pybullet" not in doctor.pins(root / "environment.txt")
+    assert not doctor.holds('sys_platform == "amiga" and python_version < "9.9"')
+    assert doctor.holds('sys_platform != "amiga"') and doctor.holds(None)
+
+
+def test_every_marker_of_the_environment_is_understood():
+    for line in (ROOT / "environment.txt").read_text("utf-8").splitlines():
+        found = doctor.PIN.match(line.strip())
+        if line.strip() and not line.startswith("#"):
+            assert found, line
+            marker = found[3] or ""
+            assert doctor.CLAUSE.sub("", marker).replace("and", "").strip() == "", line
+
+
+def test_packages_that_are_missing_or_of_another_version_are_named(root):
+    good = {"numpy": "2.0", "torch": "2.13.0+cpu", "ptae_lite": "0.1"}
+    assert doctor.check_packages(root, have(**good)).state == GOOD
+    found = doctor.check_packages(root, have(torch="2.12.0"))
+    assert "numpy is missing (not 2.0), torch 2.12.0 (not 2.13.0)" in found.says
+    assert found.mend.endswith("-m pip install -r environment.txt") and found.state == PROBLEM
+    found = doctor.check_packages(root, have(**good | {"ptae_lite": None}))
+    assert found.mend.endswith("-m pip install --no-deps -e .")
+
+
+def test_without_an_environment_there_is_one_thing_to_do(root):
+    (root / ".venv").rmdir()
+    found = doctor.check_packages(root, have())
+    assert found.says == "there is no .venv/ yet" and found.mend.endswith("run.py book")
+
+
+def manager(folder, version):
+    path = folder / doctor.MANAGER
+    path.parent.mkdir(parents=True)
+    path.write_text(json.dumps({"version": version}))
+    return folder
+
+
+def test_the_two_halves_of_the_widgets_must_fit(tmp_path):
+    new, old = manager(tmp_path / "new", "5.0.16"), manager(tmp_path / "old", "3.1.11")
+    kernel = have(ipywidgets="8.1.9", jupyterlab_widgets="3.0.17")
+    assert doctor.check_widgets([new, old], kernel).state == GOOD
+    found = doctor.check_widgets([old, new], kernel)  # the first copy is the one that is used
+    assert found.state == PROBLEM and "needs version 5 in JupyterLab; " in found.says
+    assert "old" in found.mend and found.mend.split()[0] in ("rm", "rmdir")
+    found = doctor.check_widgets([tmp_path], kernel)
+    assert "has no part for ipywidgets" in found.says
+    assert "ipywidgets==8.1.9 jupyterlab_widgets==3.0.17" in found.mend
+    assert doctor.check_widgets([new], have()).state == WARNING
+
+
+def test_the_widgets_of_this_environment_fit():
+    assert doctor.check_widgets().state == GOOD
+
+
+@pytest.mark.parametrize(
+    ("says", "state", "text"),
+    [("1", GOOD, "recordings can be made"), ("0", WARNING, "was built without numpy"),
+     ("", WARNING, "is not installed: all chapters run from what is stored")],
+)  # fmt: skip
+def test_pybullet_is_never_a_problem(root, says, state, text):
+    found = doctor.check_pybullet(root / "environment.txt", lambda: says)
+    assert found.state == state and text in found.says
+    assert ("pybullet==3.2.7" in found.mend) == (state == WARNING)
+
+
+def test_where_pybullet_has_no_wheel_nothing_is_offered(root):
+    (root / "environment.txt").write_text(PINS.format("3.11"))
+    found = doctor.check_pybullet(root / "environment.txt", lambda: 1 / 0)
+    assert found.state == WARNING and "no wheel" in found.says and not found.mend
+
+
+def test_disk_memory_cores_and_browser():
+    assert doctor.check_disk(int(1e9)).state == PROBLEM
+    assert "1.0 GB are free, 2 are needed" in doctor.check_disk(int(1e9)).says
+    assert doctor.check_disk(int(9e9)).state == GOOD
+    assert doctor.check_memory(int(2e9)).state == WARNING
+    assert doctor.check_memory(int(8e9)).state == doctor.check_cores(2).state == GOOD
+    assert doctor.check_cores(1).state == WARNING
+    found = doctor.check_chromium(lambda name: None)
+    assert found.state == WARNING and "the tests skip" in found.says
+    assert doctor.check_chromium(lambda name: f"/bin/{name}").says == "/bin/chromium"
+
+
+def test_a_missing_and_a_damaged_file_are_named_with_what_restores_them(root):
+    assert doctor.check_data(root)[0].state == GOOD
+    (root / "data/two.bin").write_bytes(b"2")
+    artefacts.register("two.bin", command="x", seed=0, minutes=0, data=root / "data")
+    (root / "data/one.bin").write_bytes(b"w hole")
+    (root / "data/two.bin").unlink()
+    (root / ".git").mkdir()
+    one, two = doctor.check_data(root)
+    assert (one.says, two.says) == ("data/one.bin is damaged", "data/two.bin is missing")
+    assert one.mend == 'git checkout "data/one.bin"'
+    (root / ".git").rmdir()
+    assert "download the project again" in doctor.check_data(root)[0].mend
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"one.bin": 3}', '{"one.bin": {}}', "\xff"])
+def test_a_damaged_manifest_is_one_problem(root, text):
+    (root / "data/MANIFEST.json").write_text(text, "latin-1")
+    (found,) = doctor.check_data(root)
+    assert found.says == "data/MANIFEST.json is missing or damaged" and found.state == PROBLEM
+
+
+def test_warnings_alone_are_no_failure(monkeypatch, capsys):
+    good = doctor.Finding("a", GOOD, "fine")
+    warning = doctor.Finding("b", WARNING, "is not there", "install it")
+    problem = doctor.Finding("c", PROBLEM, "is broken", "mend it so")
+    for findings, code in (([good, warning], 0), ([good, warning, problem], 1)):
+        monkeypatch.setattr(doctor, "examine", lambda findings=findings: findings)
+        assert doctor.main([]) == code
+        out = capsys.readouterr().out
+        assert "mend it:  install it" in out and "Warnings: 1; the book runs with them." in out
+        assert ("1 to mend, in this order." in out) == bool(code)
+        assert doctor.main(["--json"]) == code
+        assert json.loads(capsys.readouterr().out)[1]["mend"] == "install it"
+
+
+def test_it_knows_this_project():
+    found = {one.what: one.state for one in (*doctor.check_data(), doctor.check_python())}
+    assert found == {"data": GOOD, "Python": GOOD}
