@@ -168,6 +168,8 @@ def load_weights(path) -> tuple[dict, dict]:
     try:
         with safe_open(path, framework="pt") as file:
             about = json.loads((file.metadata() or {})["about"])
+            if not isinstance(about, dict):
+                raise ValueError("it does not say what they are")
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, KeyError, TypeError, ValueError, OSError) as error:
         raise ArtefactError(f"{path} holds no weights of ours ({error}); train it again") from None

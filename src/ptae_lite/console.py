@@ -17,6 +17,9 @@ INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
 
 def guarded(name: str, work: Callable[[], int | None]) -> int:
     """Run a command; its exit code. What ends it is one sentence on the error stream."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a letter that a locale lacks must not end a command
+            stream.reconfigure(errors="backslashreplace")
     try:
         return work() or 0
     except PTAEError as error:

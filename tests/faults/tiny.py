@@ -107,6 +107,12 @@ def rerun(folder, stored) -> int:
     return guarded("full", work)
 
 
+def site(out, book) -> int:
+    from ptae_lite.rerun import site as builder
+
+    return builder.main(["--out", out, "--book", book])
+
+
 def failing(*_) -> int:
     say("the last words")
     return 3
