@@ -1,7 +1,5 @@
 """Shapes in annotations are checked in every test; small data and models that many tests use."""
 
-import platform
-import sys
 from dataclasses import replace
 
 import jaxtyping
@@ -31,9 +29,10 @@ def unchecked():
 
 @pytest.fixture(scope="session")
 def simulator():
-    """PyBullet; a test that asks for it is skipped where there is no wheel of it."""
-    here = (sys.platform, platform.machine(), sys.version_info < (3, 12))
-    if here != ("linux", "x86_64", True):
+    """PyBullet; a test that asks for it is skipped where environment.txt asks for none."""
+    from ptae_lite.rerun import doctor
+
+    if "pybullet" not in doctor.pins(doctor.ROOT / "environment.txt"):
         pytest.skip("PyBullet has a wheel for Python 3.11 on Linux x86_64 only")
     return __import__("pybullet")
 
