@@ -12,6 +12,7 @@ import pytest
 
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
+from ptae_lite.files import alone
 from ptae_lite.rerun import checks, full, report
 from ptae_lite.rerun.checks import arrays, judge, near, pictures, table
 from ptae_lite.rerun.full import Rerun, Settings
@@ -184,6 +185,14 @@ def test_a_full_run_into_the_data_folder_is_refused(capsys):
     )
 
 
+def test_a_second_run_in_the_same_folder_is_refused(tmp_path, capsys):
+    with alone(tmp_path / "out"):
+        assert full.main(["--out", str(tmp_path / "out")]) == 1
+    message = f"full: another run is at work on {tmp_path / 'out'}; wait until it ends"
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_device_is_a_gpu_only_where_there_is_one(monkeypatch):
     for there, wanted in ((True, "cuda"), (False, "cpu")):
         monkeypatch.setattr(full.torch.cuda, "is_available", lambda there=there: there)
@@ -312,6 +321,7 @@ def test_an_eye_that_draws_worse_is_found(tmp_path):
 
 def test_the_share_is_the_last_that_a_bar_said():
     assert share_in(b"a:  5%|x | 1/20\ra:  45%|xxxx  | 9/20 ") == 0.45
+    assert share_in(b"reading sources... [ 40%] 02_vision") == 0.4
     assert share_in(b"nothing of the kind: 5 %") is None
 
 

@@ -21,7 +21,8 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellControlSignal, DeadKernelError
 from nbformat import NotebookNode
 
-from ptae_lite.errors import ArtefactError
+from ptae_lite.errors import ArtefactError, FileError
+from ptae_lite.files import whole
 
 LIMIT_BYTES = 500_000
 EMBED_MARK = "data-ptae-embed"  # stands in the HTML of every 3-D viewer
@@ -112,7 +113,9 @@ def write(md: Path) -> Path:
     clean(notebook)
     set_ids(notebook)
     ipynb = md.with_suffix(".ipynb")
-    ipynb.write_bytes(to_bytes(notebook, ipynb.name))
+    content = to_bytes(notebook, ipynb.name)
+    with whole(ipynb) as beside:
+        beside.write_bytes(content)
     return ipynb
 
 
@@ -140,7 +143,7 @@ def main(argv: list[str]) -> int:
             print(f"Running {md} ...", flush=True)
             ipynb = write(md)
             print(f"wrote {ipynb}, {ipynb.stat().st_size / 1e3:.0f} kB", flush=True)
-    except (ArtefactError, CellControlSignal, DeadKernelError) as error:
+    except (ArtefactError, FileError, CellControlSignal, DeadKernelError) as error:
         print(error, file=sys.stderr)
         return 1
     return 0

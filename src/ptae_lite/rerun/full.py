@@ -125,7 +125,10 @@ class Rerun:
         """Do all that is not finished; the stage whose command failed, or None."""
         done = [i for i, stage in enumerate(self.stages) if self.finished(stage)]
         spent = {i: self.state["done"][self.stages[i].name]["minutes"] for i in done}
-        estimates = [stage.estimate(self.settings.seeds) for stage in self.stages]
+        estimates = [
+            0.0 if self._lacks(stage) else stage.estimate(self.settings.seeds)
+            for stage in self.stages
+        ]
         view = View([stage.name for stage in self.stages], estimates, spent, stream)
         for at, stage in enumerate(self.stages):
             if at in done and self.finished(stage):
@@ -148,6 +151,7 @@ class Rerun:
         out = self.settings.out
         (out / "logs").mkdir(parents=True, exist_ok=True)
         env = os.environ | {"PTAE_DATA": str(self.settings.data), "PYTHONUTF8": "1"}
+        env |= {"PYTHONUNBUFFERED": "1"}  # what was said before a kill is in the log
         env.setdefault("OMP_NUM_THREADS", "1")
         command = [sys.executable, "-m", *self.settings.command(stage)]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}

@@ -6,7 +6,7 @@ import re
 import sys
 import time
 
-PERCENT = re.compile(rb"(\d{1,3})%\|")  # what a progress bar of tqdm says
+PERCENT = re.compile(rb"(\d{1,3})%[|\]]")  # as a bar of tqdm says it, and Sphinx
 QUIET_S = 600  # between two lines where they cannot be written over, as in a log file
 
 
