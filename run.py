@@ -5,6 +5,7 @@
     python3 run.py test [-- ARGS]     the book, unit tests, every notebook; or pytest with ARGS
     python3 run.py lab [-- ARGS]      open the chapters in JupyterLab (ARGS go to it)
     python3 run.py notebooks [NAME]   write the .ipynb twins of the chapters, with their outputs
+    python3 run.py course OUT         write the exercises for students and for instructors
 
 Standard library only, on Linux, macOS and Windows: this file runs before anything is installed.
 """
@@ -220,19 +221,29 @@ def notebooks(python: Path, env: dict, args: argparse.Namespace) -> int:
     return call([python, "-m", "ptae_lite.display.pairs", *args.names], env)
 
 
+def course(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Write the exercises into a new folder OUT: one part for students, one for instructors."""
+    # The job runs in the repository; OUT is meant from where the reader is.
+    options = [Path(args.out).absolute(), "--seed", args.seed]
+    return call([python, "-m", "ptae_lite.display.course", *options], env)
+
+
 def parse(argv: list) -> argparse.Namespace:
     own, extra = argv, []
     if "--" in argv:
         own, extra = argv[: argv.index("--")], argv[argv.index("--") + 1 :]
     parser = argparse.ArgumentParser(prog="run.py", description=__doc__.split("\n\n")[0])
     jobs = parser.add_subparsers(dest="job", required=True, metavar="JOB")
-    for job in (book, test, lab, notebooks):
+    for job in (book, test, lab, notebooks, course):
         sub = jobs.add_parser(job.__name__, help=job.__doc__)
         sub.set_defaults(run=job, tier=None)
         if job in (book, test):
             sub.add_argument("--tier", choices=TIERS, help="stored results, short or full runs")
         if job is notebooks:
             sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
+        if job is course:
+            sub.add_argument("out", metavar="OUT", help="a new folder")
+            sub.add_argument("--seed", type=int, default=0, help="other numbers in the exercises")
     args = parser.parse_args(own)
     if extra and args.run not in (test, lab):
         parser.error(f"{args.job} takes no arguments after --")
