@@ -8,6 +8,7 @@
     python3 run.py doctor             what is wrong here, and the command that mends it
     python3 run.py certify            run the chapters, and write down what came out
     python3 run.py full [--seeds 1]   make everything anew and compare it with what is stored
+    python3 run.py course OUT         write the exercises for students and for instructors
 
 Standard library only, on Linux, macOS and Windows: this file runs before anything is installed.
 """
@@ -218,7 +219,14 @@ def certify(python: Path, env: dict, args: argparse.Namespace) -> int:
     return call([*command, "--out", args.out, "--name", args.name], env)
 
 
-JOBS = (book, test, lab, notebooks, doctor, certify, full)
+def course(python: Path, env: dict, args: argparse.Namespace) -> int:
+    """Write the exercises into a new folder OUT: one part for students, one for instructors."""
+    # The job runs in the repository; OUT is meant from where the reader is.
+    options = [Path(args.out).absolute(), "--seed", args.seed]
+    return call([python, "-m", "ptae_lite.display.course", *options], env)
+
+
+JOBS = (book, test, lab, notebooks, doctor, certify, full, course)
 
 
 def parse(argv: list) -> argparse.Namespace:
@@ -243,6 +251,9 @@ def parse(argv: list) -> argparse.Namespace:
             sub.add_argument("--out", default="build/full", help="folder, new or to go on with")
             sub.add_argument("--device", default="auto", help="cpu, cuda, or auto")
             sub.add_argument("--plan", action="store_true", help="only show what would be done")
+        if job is course:
+            sub.add_argument("out", metavar="OUT", help="a new folder")
+            sub.add_argument("--seed", type=int, default=0, help="other numbers in the exercises")
     args = parser.parse_args(own)
     if extra and args.run not in (test, lab):
         parser.error(f"{args.job} takes no arguments after --")

@@ -21,7 +21,8 @@ project = "PTAE-lite"
 author = copyright = "PTAE-lite authors"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 # A chapter is a pair; the site is built from the source, and the .ipynb twin is left alone.
-exclude_patterns = ["*.ipynb", "**/*.ipynb", "**/.ipynb_checkpoints", "_build"]
+# Exercises are no pages either: notebooks for students and instructors are made from them.
+exclude_patterns = ["*.ipynb", "**/*.ipynb", "**/.ipynb_checkpoints", "_build", "exercises"]
 
 # --- notebooks
 nb_execution_mode = "force"

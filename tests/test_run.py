@@ -249,6 +249,14 @@ def test_jupyterlab_is_reachable_from_this_machine_only(calls):
     assert "--ip=127.0.0.1" in calls[0]
 
 
+def test_the_course_goes_where_the_reader_is(calls, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run.course("py", {}, run.parse(["course", "mine", "--seed", "7"])) == 0
+    assert calls == [
+        ["py", "-m", "ptae_lite.display.course", str(tmp_path / "mine"), "--seed", "7"]
+    ]  # fmt: skip
+
+
 def test_the_library_knows_the_same_tiers():
     from ptae_lite import tiers
 

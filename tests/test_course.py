@@ -1,0 +1,425 @@
+"""The exercises, proven from both sides, and the notebooks that are made from them."""
+
+import ast
+import importlib.util
+import os
+import re
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+
+import nbformat
+import pytest
+from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_network
+
+from ptae_lite.display import course, hints, pairs
+from ptae_lite.display.panels import Panel
+from ptae_lite.errors import ArtefactError
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "book" / "exercises"
+SHEETS = course.sheets(FOLDER)
+NAMES = [sheet.name for sheet in SHEETS]
+CODE = [(s.name, one.number) for s in SHEETS for one in s.exercises if one.kind == "Write code"]
+PANELS = [(s.name, one.number) for s in SHEETS for one in s.exercises if one.kind == "Move a panel"]
+SEEDS = (0, 7)
+# As readers run the exercises: in a notebook, annotations are not checked.
+pytestmark = pytest.mark.usefixtures("unchecked")
+
+
+def run(source, names, label="cell"):
+    """Run a cell as a notebook would; the value of its last line."""
+    tree = ast.parse(source)
+    last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
+    exec(compile(tree, label, "exec"), names)
+    if last is not None:
+        return eval(compile(ast.Expression(last.value), label, "eval"), names)
+    return None
+
+
+class Played:
+    """A sheet, run from top to bottom with the answers: the names before each one, and panels."""
+
+    def __init__(self, name, seed):
+        sheet = SHEETS[NAMES.index(name)]
+        self.exercises = {one.number: one for one in sheet.exercises}
+        self.before, self.panels, names = {}, {}, {}
+        for cell in sheet.opening:
+            self.cell(cell, names, seed)
+        for one in sheet.exercises:
+            for cell in one.cells:
+                tags = course.tags(cell)
+                if cell.cell_type == "code" and "answer" in tags:
+                    self.before[one.number] = dict(names)
+                if "mistake" not in tags:
+                    made = self.cell(cell, names, seed)
+                    if isinstance(made, Panel):
+                        self.panels[one.number] = made
+        self.names = names
+
+    @staticmethod
+    def cell(cell, names, seed):
+        if cell.cell_type == "code":
+            return run(cell.source.replace(course.SEED, f"SEED = {seed}"), names)
+
+    def says(self, number, source):
+        """What the check of an exercise says of a cell in the answer's place."""
+        names = dict(self.before[number])
+        run(source, names)
+        (check,) = self.exercises[number].tagged("check")
+        try:
+            run(check.source, names)
+        except hints.NotYet as error:
+            return str(error)
+        return "Right."
+
+
+@pytest.fixture(scope="module")
+def played():
+    made = {}
+
+    def play(name, seed):
+        if (name, seed) not in made:
+            made[name, seed] = Played(name, seed)
+        return made[name, seed]
+
+    return play
+
+
+# ---------------------------------------------------------------- every exercise
+
+
+def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
+    chapters = [md.stem for md in pairs.chapters(ROOT / "book")]
+    assert set(NAMES) <= set(chapters)
+    assert set(chapters[:5]) <= set(NAMES)
+    assert all(2 <= len(sheet.exercises) <= 3 for sheet in SHEETS)
+    assert {one.kind for sheet in SHEETS for one in sheet.exercises} == set(course.KINDS)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("name", "number"), CODE)
+def test_the_stub_fails_and_the_answer_passes(name, number, seed, played):
+    play = played(name, seed)
+    (answer,) = play.exercises[number].tagged("answer")
+    assert play.says(number, course.stub(answer)) == hints.UNWRITTEN
+    assert play.says(number, answer.source) == "Right."
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize(("name", "number"), CODE)
+def test_each_likely_mistake_gets_its_own_hint(name, number, seed, played):
+    play, sentences = played(name, seed), []
+    for mistake in play.exercises[number].tagged("mistake"):
+        said = play.says(number, mistake.source)
+        assert mistake.metadata["hint"] in said
+        assert re.fullmatch(r"[A-Z][^\n]*\.", said) and len(said) < 120
+        sentences.append(said)
+    assert len(sentences) >= 2 and len(set(sentences)) == len(sentences)
+
+
+@pytest.mark.parametrize(("name", "number"), PANELS)
+def test_a_panel_works_at_every_position(name, number, played):
+    panel = played(name, 0).panels[number]
+    for values in product(*panel.values.values()):
+        assert panel.frame(**dict(zip(panel.values, values, strict=True)))
+    played(name, 7)  # another seed draws its start
+
+
+@pytest.mark.parametrize("student", [True, False])
+@pytest.mark.parametrize("name", NAMES)
+def test_the_notebooks_keep_the_rules_of_chapters(name, student):
+    made = course.notebook(SHEETS[NAMES.index(name)], student=student)
+    nbformat.validate(made)
+    for rule in (cells_are_short, no_machine_paths, no_addresses, no_network):
+        assert list(rule(made)) == []
+
+
+# ---------------------------------------------------------------- what the answers state
+
+
+def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
+    """Where an answer in words names a number, here it is computed."""
+    np = pytest.importorskip("numpy")
+    first = played("01_simulation", 0).names
+    cube, edge = first["cubes"][0, :3], first["scene"].CUBE_EDGE_M
+    top = cube + [0, 0, edge / 2]
+    miss = first["on_plane"](*first["pixel"](top), first["scene"].TABLE_TOP_M) - top
+    assert round(1000 * np.hypot(*miss[:2])) == 67 and np.hypot(*miss[:2]) > edge
+
+    eye = played("02_vision", 0).names
+    data = eye["samples"]
+    error = eye["joint_errors"](
+        data.features.astype(float), data.joints.astype(float), data.frames,
+        eye["train"], eye["test"])  # fmt: skip
+    assert error.argmax() == 3 and round(error[3], 1) == 9.6
+    for dropped, left, read in ((12, 5, 96), (20, 0.3, 83)):
+        variance = eye["variances"][dropped:].sum() / eye["variances"].sum()
+        rest = (data.features[:, 0] - eye["centre"]) @ eye["axes"][:, dropped:]
+        right = eye["readout"].percent_right(data, rest, eye["readout"].colours(data)["left"])
+        assert round(100 * variance, 1 if left < 1 else None) == left and round(right) == read
+
+    panel = played("03_crossmodal_transformer", 0).panels["3.3"]
+    words = {n: panel.frame(zeros=n).axes[0].get_title().split()[-1] for n in (0, 1, 50)}
+    assert words[0] in ("slowly", "unhurriedly")
+    assert {words[1], words[50]} <= {"fast", "quickly"}
+
+    told = played("05_incongruence", 0).names
+    colour = [told["language"].parse(text).colour for text in told["said"]]
+    wrong = sum(a != told["language"].parse(b).colour for a, b in zip(colour, told["shown"], strict=True))
+    assert wrong == 41 and round(told["followed"](told["said"], told["told"], told["shown"])) == 61
+
+
+# ---------------------------------------------------------------- the check
+
+
+def test_a_check_is_one_sentence_without_a_traceback(capsys):
+    hints.check(lambda answer: None, 1)
+    assert capsys.readouterr().out == "Right.\n"
+    with pytest.raises(hints.NotYet) as stop:
+        hints.check(lambda answer: "Add one.", 1)
+    assert stop.value._render_traceback_() == ["Not yet. Add one."]
+    with pytest.raises(ZeroDivisionError):  # an error of the reader's own shows its line
+        hints.check(lambda answer: answer / 0, 1)
+
+
+# ---------------------------------------------------------------- the source's rules
+
+GOOD = """\
+# Exercises to chapter 09: X
+
+```{code-cell} ipython3
+from ptae_lite.display.hints import check
+SEED = 0
+```
+
+## 9.1 Write code: one more (5 min)
+
+Add one.
+
+```{code-cell} ipython3
+:tags: [answer]
+
+def more(x):
+    \"\"\"x + 1\"\"\"
+    ### BEGIN SOLUTION
+    return x + 1
+    ### END SOLUTION
+```
+
+```{code-cell} ipython3
+:tags: [check]
+
+check(lambda more: None if more(SEED) == SEED + 1 else "Add one.", more)
+```
+
+```{code-cell} ipython3
+---
+tags: [mistake]
+hint: Add
+---
+def more(x): return x
+```
+
+```{code-cell} ipython3
+---
+tags: [mistake]
+hint: Add
+---
+def more(x): return x - 1
+```
+
++++ {"tags": ["answer"]}
+
+**Answer.** Secret. **Listen for.** Secret. **Misconceptions.** Secret.
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A book with one sheet of one exercise."""
+    made = tmp_path / "book" / "exercises"
+    made.mkdir(parents=True)
+    (made / "09_x.md").write_text(GOOD, encoding="utf-8")
+    (made / course.FRONT_PAGE).write_text("# For the teacher\n", encoding="utf-8")
+    return made
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("# Exercises to chapter 09: X\n", "", "needs a title"),
+        ("SEED = 0", "SEED = 1", "needs the line SEED = 0 once"),
+        ("## 9.1 Write", "## 9.2 Write", "must be like '## 9.1 Think"),
+        ("Write code:", "Dream:", "must be like '## 9.1 Think"),
+        ("(5 min)", "", "must be like '## 9.1 Think"),
+        (":tags: [check]", ":tags: [chek]", "there is no tag 'chek'"),
+        ("**Listen for.**", "", "one answer in words, with"),
+        (":tags: [check]\n", "", "needs 1 answers in code and as many checks"),
+        ("    ### END SOLUTION\n", "", "BEGIN SOLUTION and ### END SOLUTION once"),
+        ("tags: [mistake]", "other: 1", "two likely mistakes"),
+        ("hint: Add\n", "", "each mistake needs a hint"),
+        ("Write code:", "Move a panel:", "'Move a panel' needs 0 answers in code"),
+    ],
+)
+def test_a_source_that_breaks_a_rule_is_refused(folder, old, new, complaint):
+    assert old in GOOD
+    (folder / "09_x.md").write_text(GOOD.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ArtefactError, match=re.escape(complaint)) as stop:
+        course.sheets(folder)
+    assert "09_x.md" in str(stop.value) and "\n" not in str(stop.value)
+
+
+def test_a_panel_exercise_needs_a_panel(folder):
+    text = GOOD.split("```{code-cell} ipython3\n:tags: [answer]")[0] + GOOD[GOOD.index("+++ {") :]
+    (folder / "09_x.md").write_text(text.replace("Write code", "Move a panel"), encoding="utf-8")
+    with pytest.raises(ArtefactError, match="no Panel in it"):
+        course.sheets(folder)
+
+
+# ---------------------------------------------------------------- the two versions
+
+
+def test_students_see_stubs_and_neither_answers_nor_mistakes(folder):
+    (sheet,) = course.sheets(folder)
+    student, instructor = (course.notebook(sheet, student=s, seed=7) for s in (True, False))
+    text = "\n".join(cell.source for cell in student.cells)
+    assert "Secret" not in text and "x + 1\n" not in text and "return x" not in text
+    assert '    """x + 1"""\n    # YOUR CODE HERE\n    raise NotImplementedError()' in text
+    assert text.endswith(course.TEXT_STUB) and "SEED = 7" in text and "SEED = 0" not in text
+    teacher = "\n".join(cell.source for cell in instructor.cells)
+    assert "Secret" in teacher and "return x + 1" in teacher and "return x - 1" not in teacher
+    assert len(student.cells) == len(instructor.cells)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_of_an_answer_is_left_to_students(name):
+    sheet = SHEETS[NAMES.index(name)]
+    text = "\n".join(c.source for c in course.notebook(sheet, student=True).cells)
+    for part in (*course.PARTS, course.BEGIN, course.END):
+        assert part not in text
+    for one in sheet.exercises:
+        for cell in one.tagged("answer"):
+            solution = cell.source.split(course.BEGIN)[1].split(course.END)[0].strip()
+            assert solution not in text
+        assert all(cell.source not in text for cell in one.tagged("mistake"))
+
+
+def test_cells_are_marked_as_nbgrader_reads_them(folder):
+    (sheet,) = course.sheets(folder)
+    for student in (True, False):
+        marks = {
+            cell.metadata["nbgrader"]["grade_id"]: (cell.cell_type, cell.metadata["nbgrader"])
+            for cell in course.notebook(sheet, student=student).cells
+            if "nbgrader" in cell.metadata
+        }
+        found = {
+            name: (kind, m["grade"], m["solution"], m["locked"], m.get("points"))
+            for name, (kind, m) in marks.items()
+        }
+        assert found == {
+            "exercise-9-1-code": ("code", False, True, False, None),
+            "exercise-9-1-check": ("code", True, False, True, 1),
+            "exercise-9-1-words": ("markdown", True, True, False, 1),
+        }
+        assert all(m["schema_version"] == 3 and not m["task"] for _, m in marks.values())
+
+
+def test_the_same_source_gives_the_same_bytes(folder, tmp_path):
+    written = [course.write(tmp_path / name, folder) for name in ("one", "two")]
+    names = [sorted(p.relative_to(tmp_path / n) for p in w)
+             for n, w in zip(("one", "two"), written, strict=True)]  # fmt: skip
+    assert names[0] == names[1] and Path("instructor", course.FRONT_PAGE) in names[0]
+    for one, two in zip(*map(sorted, written), strict=True):
+        assert one.read_bytes() == two.read_bytes()
+
+
+def test_somebodys_work_is_never_overwritten(folder, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    course.write(out, folder)  # an empty folder is new enough
+    work = out / "student" / "09_x.ipynb"
+    work.write_text("mine")
+    with pytest.raises(ArtefactError, match="is there already; name a new folder"):
+        course.write(out, folder)
+    assert work.read_text() == "mine"
+    with pytest.raises(ArtefactError, match="lies in the book"):
+        course.write(folder.parent / "out", folder)
+
+
+def test_a_course_that_cannot_be_written_leaves_nothing(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(Path, "rename", lambda self, target: (_ for _ in ()).throw(OSError("full")))
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(OSError, match="full"):
+        course.write(tmp_path / "out", folder)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_the_command_says_what_it_did_or_why_not(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(folder.parent.parent)
+    assert course.main([str(tmp_path / "out"), "--seed", "3"]) == 0
+    assert "wrote 3 files" in capsys.readouterr().out
+    assert course.main([str(tmp_path / "out")]) == 1
+    assert "nothing was written" in capsys.readouterr().err
+    (folder / "09_x.md").unlink()
+    assert course.main([str(tmp_path / "other")]) == 1
+    assert "No exercises in" in capsys.readouterr().err
+
+
+def test_the_courses_page_lists_every_exercise():
+    html = course.Table(FOLDER)._repr_html_()
+    for sheet in SHEETS:
+        for one in sheet.exercises:
+            assert f"<td>{one.number}</td>" in html and f"<td>{one.minutes}</td>" in html
+
+
+def test_the_plans_name_exercises_that_exist():
+    numbers = {one.number for sheet in SHEETS for one in sheet.exercises}
+    plans = (ROOT / "book" / "course.md").read_text("utf-8").split("## A session")[1]
+    named = set(re.findall(r"(?<![\d.:-])([1-9]\.[1-9])(?!\d)", plans))
+    assert named <= numbers and len(named) > 10
+
+
+# ---------------------------------------------------------------- nbgrader itself
+
+needs_nbgrader = pytest.mark.skipif(
+    importlib.util.find_spec("nbgrader") is None,
+    reason="nbgrader is not installed; pip install -e .[course] in the environment",
+)
+
+
+def nbgrader(folder, *arguments):
+    command = [sys.executable, "-m", "nbgrader", *arguments]
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    env = os.environ | {"PATH": path}  # nbgrader starts alembic by its name
+    done = subprocess.run(
+        command, cwd=folder, env=env, capture_output=True, text=True, timeout=300
+    )  # fmt: skip
+    return done.stdout + done.stderr, done.returncode
+
+
+@needs_nbgrader
+def test_nbgrader_makes_the_students_version_from_the_instructors(tmp_path):
+    course.write(tmp_path / "made", FOLDER)
+    source = tmp_path / "course" / "source" / "ptae"
+    source.mkdir(parents=True)
+    for path in (tmp_path / "made" / "instructor").glob("*.ipynb"):
+        (source / path.name).write_bytes(path.read_bytes())
+    text, status = nbgrader(tmp_path / "course", "generate_assignment", "ptae", "--create")
+    assert status == 0, text
+    for name in NAMES:
+        ours, theirs = (
+            nbformat.read(folder / f"{name}.ipynb", as_version=4).cells
+            for folder in (tmp_path / "made/student", tmp_path / "course/release/ptae")
+        )
+        assert [c.source for c in ours] == [c.source for c in theirs]
+
+
+@needs_nbgrader
+def test_nbgrader_validates_answers_and_counts_stubs_as_failed(tmp_path):
+    course.write(tmp_path / "made", FOLDER)
+    text, _ = nbgrader(tmp_path / "made", "validate", "instructor/04_limited_supervision.ipynb")
+    assert "Your notebook passes all the tests" in text, text
+    text, _ = nbgrader(tmp_path / "made", "validate", "student/04_limited_supervision.ipynb")
+    assert "VALIDATION FAILED ON 1 CELL(S)" in text and hints.UNWRITTEN[:40] in text, text
