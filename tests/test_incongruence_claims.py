@@ -108,8 +108,8 @@ def test_padding_is_the_speed(asked):
 
 
 def test_the_second_exercise_has_an_answer(asked):
-    shares = [speeds(asked, blank) for blank in (1, 10)]
-    assert shares[0] < 0.1 and shares[1] > 0.9
+    """A single blank frame is enough."""
+    assert speeds(asked, 1) > 0.9
 
 
 def test_the_first_exercise_has_an_answer(asked):

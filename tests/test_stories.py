@@ -24,7 +24,9 @@ from ptae_lite.studies.incongruence import (
     respond_under,
 )  # fmt: skip
 
-POSITIONS = list(product(EXTRA_INPUT, conflict_cards.PLACES, range(4), conflict_cards.FIRST))
+POSITIONS = list(
+    product(conflict_cards.SIGNALS, conflict_cards.PLACES, range(4), conflict_cards.FIRST)
+)
 FILMS = np.zeros((12, 6, 60, 80, 3), np.uint8)
 
 

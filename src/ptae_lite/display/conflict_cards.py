@@ -32,7 +32,8 @@ from ptae_lite.studies.incongruence import (
 )  # fmt: skip
 from ptae_lite.studies.stories import Stories
 
-PLACES = {"none": None, "all of it": "", "video only": "vision", "joints only": "proprioception"}
+SIGNALS = ("repeat language", "execute", "describe", "repeat action")
+PLACES = {"all of it": "", "video only": "vision", "joints only": "proprioception", "none": None}
 FIRST = ("action", "cube", "speed")  # which aspect is false first; the next ones follow in a circle
 MARK = "border-bottom:3px double #D55E00;font-weight:bold"
 
@@ -197,10 +198,10 @@ def panel(samples: Samples, stories: Stories, table: pd.DataFrame) -> Panel:
 
     return Panel(
         show,
-        {"signal": list(EXTRA_INPUT), "extra": list(PLACES), "conflicts": [0, 1, 2, 3],
+        {"signal": list(SIGNALS), "extra": list(PLACES), "conflicts": [0, 1, 2, 3],
          "first": list(FIRST)},
         "One test clip under conflict",
-        start={"signal": "repeat language", "extra": "all of it", "conflicts": 1},
+        start={"signal": "execute", "conflicts": 1},
         labels={"extra": "extra input", "first": "false first"},
     )  # fmt: skip
 

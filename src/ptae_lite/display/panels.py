@@ -26,7 +26,8 @@ from ptae_lite.display import is_static
 from ptae_lite.errors import PTAEError
 
 # Runs when any control of the panel moves: shows the one frame that belongs to their positions.
-# Positions that show the same share a frame.
+# Positions that show the same share a frame. A scene that goes out of sight is put back to its
+# start: a browser keeps only about 16 of them alive.
 # It is an attribute and not a script, so it needs no names that could occur twice on a page.
 _ON_INPUT = """
 let index = 0;
@@ -40,7 +41,11 @@ for (const row of this.querySelectorAll('[data-values]')) {
     control.setAttribute('aria-valuetext', values[position]);
   }
 }
-this.querySelectorAll('[data-frame]').forEach((frame, i) => { frame.hidden = i !== order[index]; });
+this.querySelectorAll('[data-frame]').forEach((frame, i) => {
+  const leaves = !frame.hidden && i !== order[index];
+  frame.hidden = i !== order[index];
+  if (leaves && frame.querySelector('iframe')) frame.replaceWith(frame.cloneNode(true));
+});
 """
 
 

@@ -168,14 +168,14 @@ def extra_inputs(samples: Samples, indices, condition: Condition, seed: int = 0)
     return [number[pv] for pv in zip(chosen, variation, strict=True)]
 
 
-def tell(batch: Batch, texts: list[str]) -> Batch:
+def disturb_language(batch: Batch, texts: list[str]) -> Batch:
     """The batch with whole sentences in the query, where the task has EOS alone."""
     tokens = batch.tokens.clone()
     tokens[:, 1:] = torch.tensor([encode(text) for text in texts])
     return replace(batch, tokens=tokens, token_mask=torch.ones_like(batch.token_mask))
 
 
-def show(batch: Batch, source: Source, seen, felt) -> Batch:
+def disturb_action(batch: Batch, source: Source, seen, felt) -> Batch:
     """The batch with moving clips as keys and values: of which samples the video, and the joints.
 
     Each keeps its own length and is zero behind it. Where frames ask, those of the longer one do.
@@ -207,8 +207,8 @@ def respond_under(
         if place == "blank":
             return replace(batch, keys=torch.zeros_like(batch.keys))
         if EXTRA_INPUT[signal] == "language":
-            return tell(batch, extra[part])
+            return disturb_language(batch, extra[part])
         seen, felt = (own if place == other else extra for other in ("proprioception", "vision"))
-        return show(batch, source, seen[part], felt[part])
+        return disturb_action(batch, source, seen[part], felt[part])
 
     return respond(trained, source, indices, signal, change=change)
