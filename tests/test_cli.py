@@ -208,7 +208,7 @@ def test_a_choice_of_the_model_is_set_by_name(result, few_stored, small_training
         ("colour=red", "ptae has no setting 'colour'; it has features, joints, hidden"),
         ("hidden=wide", "hidden is a whole number, not 'wide'"),
         ("clock=maybe", "clock is true or false, not 'maybe'"),
-        ("queries=both", "queries is 'both'; it can be language, action"),
+        ("queries=all", "queries is 'all'; it can be language, action, both"),
         ("hidden=0", "hidden is 0; it must be 1 or more"),
         ("language_encoder=bert", "holds no BERT"),
     ],

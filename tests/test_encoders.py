@@ -72,7 +72,8 @@ def test_gradients_reach_every_parameter(tiny, mixed, choice):
     "choice",
     [
         {"language_encoder": "lstm", "action_encoder": "lstm"}, {"queries": "action"},
-        {"clock": True}, {"repeat_both": True}, {"weigh_words": True}, {"film": "first"},
+        {"queries": "both"}, {"clock": True}, {"repeat_both": True}, {"weigh_words": True},
+        {"film": "first"},
     ],
     ids=str,
 )  # fmt: skip

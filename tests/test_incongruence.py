@@ -15,7 +15,7 @@ from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import Answer
 from ptae_lite.signals import Source
 from ptae_lite.studies import incongruence
-from ptae_lite.studies.incongruence import ASPECTS, EXTRA_INPUT, conflict_sets
+from ptae_lite.studies.incongruence import EXTRA_INPUT, Condition, conflict_sets
 
 SUBSETS = [s for count in range(4) for s in combinations(("action", "colour", "speed"), count)]
 MOVED = [s for count in range(4) for s in combinations(("action", "position", "speed"), count)]
@@ -34,9 +34,6 @@ class Spy(nn.Module):
         count = len(batch.tokens)
         shapes = [(count, 4, 23), (count, 99, 5), (count, 1), (count, 1, 6, 100)]
         return Answer(*(torch.zeros(shape) for shape in shapes))
-
-    def column(self, name):
-        return torch.cat([getattr(batch, name) for batch in self.seen])
 
 
 @pytest.fixture
@@ -61,7 +58,7 @@ def test_a_signal_without_a_conflict_is_refused_with_those_that_have_one(signal,
     with pytest.raises(ConfigError, match=message):
         conflict_sets(signal, 1)
     with pytest.raises(ConfigError, match=message):
-        incongruence.conflicting_inputs(samples, [0], signal, ("action",))
+        incongruence.extra_inputs(samples, [0], Condition(signal, "language", ("action",)))
 
 
 @pytest.mark.parametrize("conflicts", [-1, 4])
@@ -72,15 +69,44 @@ def test_another_number_of_conflicts_is_refused(conflicts):
 
 
 @pytest.mark.parametrize(
-    ("signal", "aspect", "message"),
+    ("condition", "message"),
     [
-        ("describe", "position", "'position' in language; there are action, colour, speed"),
-        ("execute", "colour", "'colour' in action; there are action, position, speed"),
+        (("describe", "language", ("position",)), "'position' in language; there are action, col"),
+        (("execute", "action", ("colour",)), "'colour' in action; there are action, position, s"),
+        (
+            ("describe", "vision", ("action",)),
+            "describe has no condition 'vision' with 1 conflicts",
+        ),
+        (
+            ("repeat language", "blank"),
+            "no condition 'blank' with 0 conflicts; there are none, con",
+        ),
+        (
+            ("execute", "action"),
+            "no condition 'action' with 0 conflicts; there are none, congruent",
+        ),
+        (
+            ("execute", "none", ("speed",)),
+            "action, vision, proprioception with 1 to 3, in the order",
+        ),
     ],
 )
-def test_an_aspect_that_the_input_does_not_have_is_refused(samples, signal, aspect, message):
-    with pytest.raises(ConfigError, match=f"no conflict of {message}"):
-        incongruence.conflicting_inputs(samples, [0], signal, (aspect,))
+def test_a_condition_that_does_not_exist_is_refused_with_those_that_do(samples, condition, message):
+    with pytest.raises(ConfigError, match=message):
+        incongruence.extra_inputs(samples, [0], Condition(*condition))
+
+
+def test_every_choice_of_aspects_is_a_condition_and_so_are_the_controls():
+    found = {signal: incongruence.conditions(signal) for signal in EXTRA_INPUT}
+    counts = {signal: len(set(some)) for signal, some in found.items()}
+    assert counts == {"describe": 10, "repeat action": 10, "execute": 25, "repeat language": 24}
+    for signal, some in found.items():
+        for place in incongruence.PLACES[EXTRA_INPUT[signal]]:
+            aspects = [c.aspects for c in some if c.conflict_in == place]
+            assert aspects == [a for n in (1, 2, 3) for a in conflict_sets(signal, n)]
+        controls = [c.conflict_in for c in some if not c.aspects]
+        assert controls[:3] == ["none", "congruent", "congruent_other"]
+        assert ("blank" in controls) == (signal == "execute")
 
 
 @pytest.mark.parametrize("aspects", SUBSETS, ids=" ".join)
@@ -123,21 +149,21 @@ def test_both_other_actions_are_taken():
     assert taken == {"pull", "slide"}
 
 
+def most(signal):
+    (aspects,) = conflict_sets(signal, 3)
+    return Condition(signal, EXTRA_INPUT[signal], aspects)
+
+
 @every_signal
 def test_extra_inputs_follow_their_seed(samples, signal):
     indices = samples.split("test")
-    (aspects,) = conflict_sets(signal, 3)
-    made = [
-        incongruence.conflicting_inputs(samples, indices, signal, aspects, seed)
-        for seed in (0, 0, 1)
-    ]
+    made = [incongruence.extra_inputs(samples, indices, most(signal), seed) for seed in (0, 0, 1)]
     assert made[0] == made[1] != made[2]
 
 
 def test_the_partners_clip_is_the_same_variation(samples):
     indices = samples.split("test")
-    aspects = ("action", "position", "speed")
-    chosen = incongruence.conflicting_inputs(samples, indices, "execute", aspects)
+    chosen = incongruence.extra_inputs(samples, indices, most("execute"))
     np.testing.assert_array_equal(samples.variation[chosen], samples.variation[indices])
     for mine, other in zip(samples.pattern[indices], samples.pattern[chosen], strict=True):
         p, q = pattern(int(mine)), pattern(int(other))
@@ -145,112 +171,117 @@ def test_the_partners_clip_is_the_same_variation(samples):
         assert (p.left, p.right) == (q.left, q.right)
 
 
+@every_signal
+def test_vision_and_proprioception_have_the_partners_of_the_whole_conflict(samples, signal):
+    if EXTRA_INPUT[signal] == "language":
+        return
+    indices = samples.split("test")
+    drawn = [
+        incongruence.extra_inputs(samples, indices, Condition(signal, place, ("action",)))
+        for place in ("action", "vision", "proprioception")
+    ]
+    assert drawn[0] == drawn[1] == drawn[2]
+
+
 @pytest.mark.parametrize("signal", ["describe", "repeat action"])
 def test_false_sentences_reach_the_query_and_nothing_else_changes(spy, samples, source, signal):
     """216 samples take two batches, so the order is tested too."""
-    indices, aspects = samples.split("test"), ("action", "speed")
-    incongruence.respond(spy, source, indices, signal)
-    plain, spy.model.seen = spy.model.seen, []
-    incongruence.respond_with_extra(spy, source, indices, signal, aspects)
-    texts = incongruence.conflicting_inputs(samples, indices, signal, aspects)
-    tokens = spy.model.column("tokens")
+    indices = samples.split("test")
+    condition = Condition(signal, "language", ("action", "speed"))
+    plain, seen = asked(spy, source, indices, Condition(signal), condition)
+    texts = incongruence.extra_inputs(samples, indices, condition)
+    tokens = torch.cat([batch.tokens for batch in seen])
     assert tokens[:, 1:].tolist() == [encode(text) for text in texts]
-    assert spy.model.column("token_mask").all()
-    assert len(plain) == len(spy.model.seen) == 2
-    for before, after in zip(plain, spy.model.seen, strict=True):
+    assert len(plain) == len(seen) == 2
+    for before, after in zip(plain, seen, strict=True):
         assert torch.equal(before.tokens[:, 0], after.tokens[:, 0])  # the signal
-        assert not before.token_mask[:, 2:].any()
-        for name in ("keys", "video", "start", "words", "word_mask", "joints", "step_mask"):
-            assert torch.equal(getattr(before, name), getattr(after, name))
+        assert not before.token_mask[:, 2:].any() and after.token_mask.all()
+        assert changed(before, after) == {"tokens", "token_mask"}
 
 
+def asked(spy, source, indices, *conditions):
+    """The batches that a model is given under each condition."""
+    given = []
+    for condition in conditions:
+        spy.model.seen = []
+        incongruence.respond_under(spy, source, indices, condition)
+        given.append(spy.model.seen)
+    return given
+
+
+def changed(before, after):
+    return {
+        name for name, old in vars(before).items() if not torch.equal(old, getattr(after, name))
+    }
+
+
+@pytest.mark.parametrize("place", ["action", "vision", "proprioception"])
 @pytest.mark.parametrize("signal", ["execute", "repeat language"])
-def test_false_clips_reach_keys_and_values_and_nothing_else_changes(spy, samples, source, signal):
-    indices, aspects = samples.split("test"), ("position", "speed")
-    incongruence.respond(spy, source, indices, signal)
-    plain, spy.model.seen = spy.model.seen, []
-    incongruence.respond_with_extra(spy, source, indices, signal, aspects)
-    chosen = incongruence.conflicting_inputs(samples, indices, signal, aspects)
-    wanted = torch.cat([source.features[chosen], source.joints[chosen]], dim=2)
-    assert torch.equal(spy.model.column("keys"), wanted)
-    swapped = samples.frames[chosen] != samples.frames[indices]
-    assert swapped.all()  # the partner's own length, padding included
-    for before, after in zip(plain, spy.model.seen, strict=True):
-        for name in vars(before):
-            same = torch.equal(getattr(before, name), getattr(after, name))
-            assert same == (name != "keys")
+def test_false_clips_reach_keys_and_values_and_nothing_else(spy, samples, source, signal, place):
+    indices = samples.split("test")
+    condition = Condition(signal, place, ("position", "speed"))
+    plain, seen = asked(spy, source, indices, Condition(signal), condition)
+    partners = incongruence.extra_inputs(samples, indices, condition)
+    assert (samples.frames[partners] != samples.frames[indices]).all()
+    watched = indices if place == "proprioception" else partners
+    felt = indices if place == "vision" else partners
+    # each with its own length, zero behind it
+    wanted = torch.cat([source.features[watched], source.joints[felt]], dim=2)
+    assert torch.equal(torch.cat([batch.keys for batch in seen]), wanted)
+    frames = np.maximum(samples.frames[watched], samples.frames[felt])
+    assert torch.cat([batch.frames for batch in seen]).tolist() == frames.tolist()
+    for before, after in zip(plain, seen, strict=True):
+        assert {"keys"} <= changed(before, after) <= {"keys", "frames"}
+
+
+def test_blank_keys_are_zero_and_nothing_else_changes(spy, samples, source):
+    indices = samples.split("test")[:20]
+    (plain,), (seen,) = asked(
+        spy, source, indices, Condition("execute"), Condition("execute", "blank")
+    )
+    assert not seen.keys.any() and changed(plain, seen) == {"keys"}
 
 
 @every_signal
 def test_the_control_is_the_extra_input_without_a_conflict(
     spy, samples, source, make_batch, signal
 ):
-    """All true: the sentence of the sample's own meaning, or the sample's own moving clip."""
+    """All true: the sample's own sentence, or its own moving clip, as `repeat both` has both."""
     indices = samples.split("test")[:20]
-    incongruence.respond_with_extra(spy, source, indices, signal, ())
-    (batch,) = spy.model.seen
-    extra = incongruence.conflicting_inputs(samples, indices, signal, ())
-    # `repeat both` has the whole sentence and the moving clip by its wiring
+    condition = Condition(signal, "congruent")
+    ((batch,),) = asked(spy, source, indices, condition)
     whole = make_batch(indices.tolist(), "repeat both")
     if EXTRA_INPUT[signal] == "language":
-        meanings = [pattern(int(i)).meaning for i in samples.pattern[indices]]
-        assert [parse(text) for text in extra] == meanings
-        assert len({tuple(w in SYNONYMS for w in text.split()) for text in extra}) > 2
+        texts = incongruence.extra_inputs(samples, indices, condition)
+        assert [parse(text) for text in texts] == [
+            pattern(int(i)).meaning for i in samples.pattern[indices]
+        ]
+        assert len({tuple(w in SYNONYMS for w in text.split()) for text in texts}) > 2
         assert torch.equal(batch.token_mask, whole.token_mask)
-        assert batch.tokens[:, 1:].tolist() == [encode(text) for text in extra]
+        assert batch.tokens[:, 1:].tolist() == [encode(text) for text in texts]
     else:
-        assert extra == indices.tolist()
-        assert torch.equal(batch.keys, whole.keys)
+        assert torch.equal(batch.keys, whole.keys) and torch.equal(batch.frames, whole.frames)
 
 
-@pytest.fixture(scope="module")
-def table(samples, scaling):
-    return incongruence.run(Trained(Spy(), scaling, {"eye": EYE}), samples, "held_out")
-
-
-def test_the_table_has_a_row_for_every_choice_and_the_control(table):
-    assert list(table.columns) == [
-        "signal", "conflict_in", "conflicts", "aspects", "accuracy", "nrmse", "nrmse_valid",
-    ]  # fmt: skip
-    assert len(table) == 4 * 9
-    assert not table.duplicated(["signal", "conflict_in", "aspects"]).any()
-    for signal, place in EXTRA_INPUT.items():
-        rows = table[table["signal"] == signal]
-        counts = Counter(zip(rows["conflict_in"], rows["conflicts"], strict=True))
-        assert counts == {
-            ("none", 0): 1, ("congruent", 0): 1, (place, 1): 3, (place, 2): 3, (place, 3): 1,
-        }  # fmt: skip
-        for aspects, count in zip(rows["aspects"], rows["conflicts"], strict=True):
-            named = tuple(aspects.split())
-            assert len(named) == count and set(named) <= set(ASPECTS[place])
-
-
-def test_words_have_an_accuracy_and_actions_an_error(table):
-    words = table["signal"].isin(["describe", "repeat language"])
-    assert table.loc[words, "accuracy"].notna().all()
-    assert table.loc[words, ["nrmse", "nrmse_valid"]].isna().all(axis=None)
-    assert table.loc[~words, "accuracy"].isna().all()
-    assert (table.loc[~words, "nrmse"] < table.loc[~words, "nrmse_valid"]).all()
+@every_signal
+def test_the_other_control_is_of_the_same_meaning_and_another_one(samples, signal):
+    indices = samples.split("test")
+    own, other = (
+        incongruence.extra_inputs(samples, indices, Condition(signal, place))
+        for place in ("congruent", "congruent_other")
+    )
+    assert all(a != b for a, b in zip(own, other, strict=True))
+    if EXTRA_INPUT[signal] == "language":
+        assert [parse(text) for text in own] == [parse(text) for text in other]
+    else:
+        assert own == indices.tolist()
+        np.testing.assert_array_equal(samples.pattern[own], samples.pattern[other])
 
 
 def test_a_real_model_answers_otherwise_under_a_conflict_and_the_same_each_time(trained, samples):
     source, indices = Source(trained.dataset(samples)), samples.split("test")[:10]
-    plain = incongruence.respond(trained, source, indices, "execute")
-    told = [
-        incongruence.respond_with_extra(trained, source, indices, "execute", ("speed",))
-        for _ in range(2)
-    ]
-    assert torch.equal(told[0].joints, told[1].joints)
-    assert not torch.equal(told[0].joints, plain.joints)
-
-
-def test_a_story_tells_what_was_asked_and_answered(trained, samples):
-    source = Source(trained.dataset(samples))
-    calm = incongruence.story(trained, source, 0, "describe", None)
-    assert calm["sample"] == "push left cube slowly" and calm["extra"] == "none"
-    assert calm["asked"] == "push red slowly"
-    assert calm["right"] == (calm["answer"] in {sentence(pattern(0).meaning, k) for k in range(8)})
-    false = incongruence.story(trained, source, 0, "describe", ("action", "colour", "speed"))
-    assert not set(parse(false["extra"])) & set(pattern(0).meaning)
-    moved = incongruence.story(trained, source, 0, "execute", ("position",))
-    assert moved["extra"] == "a clip, push right cube slowly" and moved["joints"].shape == (99, 5)
+    plain, *told = (
+        incongruence.respond_under(trained, source, indices, condition).joints
+        for condition in (Condition("execute"), *[Condition("execute", "action", ("speed",))] * 2)
+    )
+    assert torch.equal(told[0], told[1]) and not torch.equal(told[0], plain)

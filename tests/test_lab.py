@@ -169,6 +169,8 @@ def move_everything(page, cell):
     shown.first.wait_for(timeout=20_000)
     controls = view.locator(".noUi-handle, select")
     assert controls.count()
+    if shown.first.locator("iframe").count():
+        play(page, shown.first)
     for i in range(controls.count()):
         control, before = controls.nth(i), shown.first.inner_html()
         if control.evaluate("one => one.tagName") == "SELECT":
@@ -200,7 +202,7 @@ def test_a_chapter_is_run_moved_edited_and_saved(notebook, lab, chapter):
     assert page.evaluate(FAILED) == []
     panels, scenes = page.evaluate(PLACES, PANELS), page.evaluate(PLACES, SCENES)
     assert panels or chapter[:2] not in ("01", "04", "05")
-    assert scenes or chapter[:2] not in ("01", "05")
+    assert scenes or chapter[:2] != "01"
     for places, use in ((panels, move_everything), (scenes, play)):
         for place in places:
             page.evaluate(SCROLL_TO, place)

@@ -99,6 +99,22 @@ def test_when_action_asks_frames_have_an_order_and_words_have_none(tiny, mixed):
     torch.testing.assert_close(model.encode(replace(mixed, keys=other))[0], code)
 
 
+def test_both_ways_are_the_mean_of_each_with_weights_of_its_own(tiny, mixed):
+    model = PTAE(replace(tiny, queries="both"))
+    code, weights = model.encode(mixed)
+    ways = {}
+    for queries, way in (("language", "words_ask"), ("action", "frames_ask")):
+        alone = PTAE(replace(tiny, queries=queries))
+        alone.encoder.load_state_dict(getattr(model.encoder, way).state_dict())
+        ways[queries] = alone.encode(mixed)
+    torch.testing.assert_close(code, (ways["language"][0] + ways["action"][0]) / 2)
+    assert torch.equal(weights, ways["language"][1])
+    assert (ways["language"][0] - ways["action"][0]).abs().max() > 0.1
+    count = {q: sum(p.numel() for p in PTAE(PTAEConfig(queries=q)).parameters())
+             for q in ("language", "both")}  # fmt: skip
+    assert count == {"language": 1_500_700, "both": 1_500_700 + 806_912}
+
+
 def test_the_order_of_words_matters(tiny, mixed):
     model, swapped = PTAE(tiny), replace(mixed, tokens=mixed.tokens[:, [0, 1, 4, 3, 2, 5]])
     whole = mixed.token_mask.all(1)

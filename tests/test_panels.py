@@ -69,6 +69,18 @@ def test_frames_are_scalable_pictures_with_their_own_alternative_text():
     assert len(set(frames)) == len(frames)
 
 
+def test_positions_that_show_the_same_share_a_frame():
+    def show(share, signal):
+        return "always" if signal == "execute" else f"{share:g}"
+
+    made = Panel(show, {"share": SHARES, "signal": SIGNALS}, "Shared",
+                 start={"share": 10, "signal": "execute"})  # fmt: skip
+    frames, shown = frames_in(made.html())
+    assert [re.sub("<.*?>", "", frame) for frame in frames] == ["1", "always", "10", "66.6"]
+    assert shown == [False, True, False, False]
+    assert 'data-order="[0, 1, 2, 1, 3, 1]"' in made.html()
+
+
 def test_the_static_page_is_the_same_bytes_each_time():
     assert panel().html() == panel().html()
 

@@ -183,6 +183,37 @@ def test_a_batch_that_makes_no_sense_is_refused(unchecked, source):
         signals.signal_number("sing")
 
 
+@pytest.mark.parametrize("signal", ["describe", "execute", "repeat action", "repeat language"])
+def test_a_true_extra_input_is_the_sentence_and_the_moving_clip(source, signal):
+    """`repeat both` has both by its wiring; all else stays the signal's own."""
+    samples, sentences = torch.tensor([SLOW, FAST, SLOW]), torch.tensor([EIGHTH, 0, 3])
+
+    def build(name, extra=None):
+        numbers = torch.full((3,), signals.signal_number(name))
+        return signals.build(source, samples, numbers, sentences, extra=extra)
+
+    given, plain = build(signal, torch.tensor([True, True, False])), build(signal)
+    whole = build("repeat both")
+    assert torch.equal(given.tokens[:2, 1:], whole.tokens[:2, 1:])
+    assert given.token_mask[:2].all() and torch.equal(given.keys[:2], whole.keys[:2])
+    for name in ("tokens", "token_mask", "keys"):
+        assert torch.equal(getattr(given, name)[2], getattr(plain, name)[2])
+        changed = not torch.equal(getattr(given, name)[:2], getattr(plain, name)[:2])
+        shown = {"describe": "tokens", "repeat action": "tokens"}.get(signal, "keys")
+        assert changed == (name == shown or (name == "token_mask" and shown == "tokens"))
+    for name in ("frames", "video", "start", "words", "word_mask", "joints", "step_mask"):
+        assert torch.equal(getattr(given, name), getattr(plain, name))
+
+
+def test_a_clip_whose_sentence_is_told_is_not_blended(source):
+    numbers = torch.full((3,), signals.signal_number("describe"))
+    told = torch.tensor([True, False, False])
+    batch = signals.build(source, torch.tensor([0, 500, 7]), numbers, 0 * numbers, extra=told)
+    mixed = signals.blend(batch, torch.full((3,), 0.6), torch.tensor([1, 2, 0]))
+    assert torch.equal(mixed.share, torch.tensor([1, 0.6, 1]))
+    assert torch.equal(mixed.keys[[0, 2]], batch.keys[[0, 2]])
+
+
 def test_two_clips_are_blended_only_where_both_are_to_be_described(source):
     asked = ("describe", "describe", "execute", "describe")
     numbers = torch.tensor([signals.signal_number(signal) for signal in asked])

@@ -31,9 +31,12 @@ def test_an_unknown_tier_is_refused_with_those_there_are(monkeypatch, name):
 
 
 def claims():
-    for name in ("REGULAR", "PGAE", "DESCRIBE_BY_SAMPLES", "THREE_CONFLICTS"):
+    for name in ("REGULAR", "PGAE", "DESCRIBE_BY_SAMPLES"):
         for key, claim in getattr(published, name).items():
             yield pytest.param(claim, id=f"{name} {key}")
+    for signal, numbers in published.CONFLICTS.items():
+        for count, claim in numbers.items():
+            yield pytest.param(claim, id=f"{signal} {count}")
 
 
 @pytest.mark.parametrize("claim", list(claims()))
@@ -50,9 +53,13 @@ def test_the_papers_numbers():
     }  # fmt: skip
     shares = {share: claim.value for share, claim in published.DESCRIBE_BY_SAMPLES.items()}
     assert shares == {1: 33, 10: 81, 20: 100, 50: 100, 100: 100}
-    conflicts = {signal: claim.value for signal, claim in published.THREE_CONFLICTS.items()}
+    conflicts = {
+        signal: {count: claim.value for count, claim in numbers.items()}
+        for signal, numbers in published.CONFLICTS.items()
+    }
     assert conflicts == {
-        "describe": 95, "repeat language": 0, "execute": 4.95, "repeat action": 1.09
+        "describe": {0: 100, 3: 95}, "repeat language": {0: 100, 1: 0, 2: 0, 3: 0},
+        "execute": {0: 0.99, 3: 4.95}, "repeat action": {0: 1.03, 3: 1.09},
     }  # fmt: skip
 
 
@@ -60,6 +67,6 @@ def test_claims_are_of_things_that_can_be_measured_here(trained, few, samples):
     from ptae_lite.evaluation import evaluate
 
     assert set(published.REGULAR) <= set(evaluate(trained, few))
-    assert set(published.THREE_CONFLICTS) == set(incongruence.EXTRA_INPUT) == set(PTAE_SIGNALS)
+    assert set(published.CONFLICTS) == set(incongruence.EXTRA_INPUT) == set(PTAE_SIGNALS)
     for share, claim in published.DESCRIBE_BY_SAMPLES.items():
         assert len(label(samples.split("train"), share, 0)) and claim.value > CHANCE

@@ -40,6 +40,27 @@ def test_losses_by_hand(source):
     assert action.item() == pytest.approx(0.2**2 * (99 + 49) / (2 * 99), rel=1e-5)
 
 
+def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
+    given, real = [], training.build
+
+    def build(source, samples, signals, alternative, hold, extra):
+        given.append(extra)
+        return real(source, samples, signals, alternative, hold, extra)
+
+    monkeypatch.setattr(training, "build", build)
+    training.train(few, Recipe(epochs=20, batch=8, extra=0.25), config=tiny)
+    assert torch.cat(given).float().mean() == pytest.approx(0.25, abs=0.06)
+    given.clear()
+    training.train(few, Recipe(epochs=1, batch=8), config=tiny)
+    assert given == [None] * 3
+
+
+@pytest.mark.parametrize("extra", [-0.1, 1.5])
+def test_a_wrong_share_of_extra_input_is_refused(extra):
+    with pytest.raises(ConfigError, match=f"extra is {extra}; it is a share from 0 to 1"):
+        Recipe(extra=extra)
+
+
 def test_a_perfect_answer_costs_nothing(source):
     batch = build(source, torch.arange(10), torch.arange(10) % 5, torch.arange(10) % 8)
     language, action = losses(answer_of(batch, [[1.0] * 4] * 10, 0.0), batch)

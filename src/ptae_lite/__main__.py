@@ -180,8 +180,21 @@ def _family(options) -> dict:
     return {"table": str(Path(options.out) / "family.csv"), "rows": len(table)} | _caution(samples)
 
 
+def _incongruence(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import incongruence_table
+
+    table = incongruence_table.study(
+        dataset.load(options.data, options.holdout), options.out,
+        options.variants or tuple(incongruence_table.MODELS), options.seeds or (0, 1, 2),
+        options.weights, progress=lambda results, total: bar(results, total=total, desc="models"),
+    )  # fmt: skip
+    return {"table": str(Path(options.out) / incongruence_table.FILE), "rows": len(table)}
+
+
 STUDIES = {
     "supervision": _supervision, "family": _family, "eyes": _eyes, "eyes-ptae": _eyes_ptae,
+    "incongruence": _incongruence,
 }  # fmt: skip
 
 
@@ -279,12 +292,15 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
     study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
                        help="supervision: labelled samples in percent")  # fmt: skip
-    study.add_argument("--variants", nargs="+", metavar="NAME", help="family: which rows")
+    study.add_argument("--variants", nargs="+", metavar="NAME",
+                       help="family: which rows; incongruence: which models")  # fmt: skip
     study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
     study.add_argument(
         "--workers", type=whole_number(1), default=1, help="family: trainings side by side"
     )
-    study.add_argument("--weights", metavar="FOLDER", help="family: keep the trained models here")
+    study.add_argument("--weights", metavar="FOLDER",
+                       help="family, incongruence: keep the trained models here; the latter does "
+                            "not train what is there")  # fmt: skip
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
     study.add_argument("--eyes", default="build/eyes",
                        help="eyes: folder of the CAEs and their features")  # fmt: skip

@@ -36,12 +36,23 @@ DESCRIBE_BY_SAMPLES = {
 }
 # At 2 % the text says "up to 50 %" in one place and more than half in another: no one number.
 
-# With 3 conflicts in the extra input; without, see REGULAR.
-THREE_CONFLICTS = {
-    "describe": Claim(95.0, "accuracy falls from 100 to 95 %", "conflict results"),
-    "repeat language": Claim(0.0, "accuracy is 0 % with one conflict or more", "conflict results"),
-    "execute": Claim(4.95, "NRMSE rises from 0.99 to 4.95 %", "conflict results"),
-    "repeat action": Claim(1.09, "NRMSE rises from 1.03 to 1.09 %", "conflict results"),
+# By the number of conflicts in the extra input, as far as the text has numbers.
+_NOTHING_LEFT = Claim(0.0, "accuracy is 0 % with one conflict or more", "conflict results")
+CONFLICTS = {
+    "describe": {
+        0: REGULAR["describe_accuracy"],
+        3: Claim(95.0, "accuracy falls from 100 to 95 %", "conflict results"),
+    },
+    "repeat language": {0: REGULAR["repeat_language_accuracy"]}
+    | dict.fromkeys((1, 2, 3), _NOTHING_LEFT),
+    "execute": {
+        0: REGULAR["execute_nrmse"],
+        3: Claim(4.95, "NRMSE rises from 0.99 to 4.95 %", "conflict results"),
+    },
+    "repeat action": {
+        0: REGULAR["repeat_action_nrmse"],
+        3: Claim(1.09, "NRMSE rises from 1.03 to 1.09 %", "conflict results"),
+    },
 }
 
 # What the text says of PGAE, the model before, on the same data.

@@ -139,6 +139,7 @@ def build(
     signals: Int[Tensor, " B"],
     alternative: Int[Tensor, " B"],
     hold: int = STEPS,
+    extra: Bool[Tensor, " B"] | None = None,
 ) -> Batch:
     """Wire samples to signals by the table.
 
@@ -148,6 +149,8 @@ def build(
         alternative: which of its eight sentences each sample is given or asked for.
         hold: how many steps count where the target is a pose held still (describe, repeat
             language). Training may ask for few: there is nothing more to learn in the rest.
+        extra: which samples are also given the input that their task could do without, and true:
+            the whole sentence in the query, the moving clip as keys and values; none if None.
     """
     if not len(samples) == len(signals) == len(alternative):
         raise ConfigError("a batch needs as many signals and alternatives as samples")
@@ -165,14 +168,15 @@ def build(
     sentence = source.sentences[source.meaning[samples], alternative]
     tokens = torch.cat([_SIGNAL_TOKEN[signals, None], sentence], dim=1)
     token_mask = torch.ones_like(tokens, dtype=torch.bool)
-    short = where("query", "eos")
+    extra = torch.zeros_like(signals, dtype=torch.bool) if extra is None else extra
+    short = where("query", "eos") & ~extra
     tokens[short, 1:] = EOS
     token_mask[short, 2:] = False
 
     # keys and values: the moving clip, or its first frame stood still for the clip's length
     keys = torch.cat([features, joints], dim=2)
     still = keys[:, :1] * inside[..., None]
-    keys = torch.where(where("keys", "first")[:, None, None], still, keys)
+    keys = torch.where((where("keys", "first") & ~extra)[:, None, None], still, keys)
 
     # the action decoder: what it sees, where it starts, what it must do
     video = features[:, :STEPS].clone()
@@ -203,13 +207,15 @@ def blend(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) 
     """Blend the clips that are to be described, each with that of another such sample.
 
     Keys and values become share x own + (1 - share) x partner's, and both sentences are asked for,
-    in these shares (mixup, Zhang et al. 2018). Samples of other signals stay as they are.
+    in these shares (mixup, Zhang et al. 2018). Samples of other signals stay as they are, and so do
+    those that are told the sentence: it would say one clip of the two.
 
     Args:
         partner: a place in the batch for each sample; where either is not to describe, nothing
             is blended.
     """
     describe = batch.tokens[:, 0] == signal_index("describe")
+    describe &= ~batch.token_mask[:, 2]
     both = describe & describe[partner]
     share = torch.where(both, share, 1.0)
     weight = share[:, None, None]

@@ -38,6 +38,7 @@ class Recipe:
     hold: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
     mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.blend`
     supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
+    extra: float = 0.0  # ours; share of samples with a true extra input, see `signals.build`
     exponent: float = HALF_WHITE  # ours, of the features' whitening, see `dataset.fit_scaling`
     seed: int = 0
 
@@ -46,6 +47,8 @@ class Recipe:
             raise ConfigError("a recipe needs at least one epoch and batches of at least two")
         if not 0 < self.supervised < 1:
             raise ConfigError(f"supervised is {self.supervised}; it is a share between 0 and 1")
+        if not 0 <= self.extra <= 1:
+            raise ConfigError(f"extra is {self.extra}; it is a share from 0 to 1")
 
 
 # What suits each model: numbers that differ from PTAE's are ours, chosen on held-out patterns.
@@ -201,7 +204,8 @@ def train(
         batches = list(epoch_batches(rng, indices, labelled, recipe, mix))
         for part, signals in batches:
             alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
-            batch = build(source, torch.from_numpy(part), signals, alternative, recipe.hold)
+            extra = torch.from_numpy(rng.random(len(part)) < recipe.extra) if recipe.extra else None
+            batch = build(source, torch.from_numpy(part), signals, alternative, recipe.hold, extra)
             if recipe.mixup:
                 batch = blend(batch, *draw_partners(rng, signals))
             with torch.device(device):  # what a model makes itself belongs there, too

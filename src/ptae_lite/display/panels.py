@@ -26,9 +26,12 @@ from ptae_lite.display import is_static
 from ptae_lite.errors import PTAEError
 
 # Runs when any control of the panel moves: shows the one frame that belongs to their positions.
+# Positions that show the same share a frame. A scene that goes out of sight is put back to its
+# start: a browser keeps only about 16 of them alive.
 # It is an attribute and not a script, so it needs no names that could occur twice on a page.
 _ON_INPUT = """
 let index = 0;
+const order = JSON.parse(this.dataset.order);
 for (const row of this.querySelectorAll('[data-values]')) {
   const values = JSON.parse(row.dataset.values), control = row.querySelector('input, select');
   const output = row.querySelector('output'), position = Number(control.value);
@@ -38,7 +41,11 @@ for (const row of this.querySelectorAll('[data-values]')) {
     control.setAttribute('aria-valuetext', values[position]);
   }
 }
-this.querySelectorAll('[data-frame]').forEach((frame, i) => { frame.hidden = i !== index; });
+this.querySelectorAll('[data-frame]').forEach((frame, i) => {
+  const leaves = !frame.hidden && i !== order[index];
+  frame.hidden = i !== order[index];
+  if (leaves && frame.querySelector('iframe')) frame.replaceWith(frame.cloneNode(true));
+});
 """
 
 
@@ -149,17 +156,19 @@ class Panel:
         return ipywidgets.VBox([*controls.values(), view])
 
     def html(self) -> str:
-        """The static face: controls and every frame, drawn now."""
+        """The static face: controls and every different frame, drawn now."""
         rows = "".join(self._row(name) for name in self.values)
-        frames = []
-        for combination in product(*self.values.values()):
-            values = dict(zip(self.values, combination, strict=True))
-            hidden = "" if values == self.start else " hidden"
-            frames.append(f"<div data-frame{hidden}>{self.face(**values)}</div>")
+        combinations = product(*self.values.values())
+        faces = [self.face(**dict(zip(self.values, c, strict=True))) for c in combinations]
+        number = {face: i for i, face in enumerate(dict.fromkeys(faces))}
+        first = self.face(**self.start)
+        frames = "".join(
+            f"<div data-frame{'' if face == first else ' hidden'}>{face}</div>" for face in number
+        )
         return (
             f'<div data-ptae-embed="panel" role="group" aria-label="{escape(self.label)}" '
-            f'oninput="{escape(_ON_INPUT)}">{rows}'
-            f'<div aria-live="polite">{"".join(frames)}</div></div>'
+            f'oninput="{escape(_ON_INPUT)}" data-order="{[number[face] for face in faces]}">'
+            f'{rows}<div aria-live="polite">{frames}</div></div>'
         )
 
     def _row(self, name: str) -> str:

@@ -8,8 +8,8 @@ One layer, then the mean over the query tokens gives the code `h` that both deco
 There is no mask on keys and no position on them: keys are an unordered set, and the zero padding
 of short clips is attended to. That padding is how speed gets into `h`.
 
-Two choices change that, each for an experiment: `queries` from action lets the frames ask the
-words, and a `clock` gives frames their position and hides the padding.
+Choices change that, each for an experiment: `queries` from action lets the frames ask the words,
+`TwoWay` does both at once, and a `clock` gives frames their position and hides the padding.
 """
 
 from __future__ import annotations
@@ -119,3 +119,29 @@ class CrossmodalTransformer(nn.Module):
         attended, weights = self.attention(x, keys, mask)
         there = there[..., None].to(x.dtype)
         return (self.finish(x, attended) * there).sum(1) / there.sum(1), weights
+
+
+class TwoWay(nn.Module):
+    """Words ask the frames, frames ask the words: the attention that the paper's discussion names.
+
+    Two crossmodal transformers of one layer, each with weights of its own. Each pools its queries
+    to a code, and h is the mean of the two codes. (The paper proposes the two directions and does
+    not build them. A mean needs no further weights, and takes neither side.)
+    """
+
+    def __init__(self, *sizes, clock: bool = False):
+        super().__init__()
+        self.words_ask = CrossmodalTransformer(*sizes, "language", clock)
+        self.frames_ask = CrossmodalTransformer(*sizes, "action")
+
+    def forward(
+        self,
+        words: Float[Tensor, "B N W"],
+        word_mask: Bool[Tensor, "B N"],
+        frames: Float[Tensor, "B T K"],
+        frame_mask: Bool[Tensor, "B T"],
+    ):
+        """The code h (B, H), and the weights (B, heads, N, T) with which words look at frames."""
+        seen = (words, word_mask, frames, frame_mask)
+        (code, weights), (other, _) = self.words_ask(*seen), self.frames_ask(*seen)
+        return (code + other) / 2, weights

@@ -16,16 +16,16 @@ import torch
 from torch import Tensor, nn
 
 from ptae_lite.errors import ConfigError
-from ptae_lite.models import encoders, fast
+from ptae_lite.models import encoders, fast, fast_crossmodal
 from ptae_lite.models.common import Answer, class_weights, losses
-from ptae_lite.models.crossmodal import CrossmodalTransformer
+from ptae_lite.models.crossmodal import CrossmodalTransformer, TwoWay
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
 from ptae_lite.signals import MIX_WITH_BOTH, PTAE_MIX, WORDS_OUT, Batch, Mix
 
 CHOICES = {
     "language_encoder": encoders.LANGUAGE,
     "action_encoder": encoders.ACTION,
-    "queries": ("language", "action"),
+    "queries": ("language", "action", "both"),
     "film": ("clip", "first"),
 }
 
@@ -48,7 +48,8 @@ class PTAEConfig:
     action_encoder: str = "none"  # or `lstm`
     encoder_units: int = 128  # ours, of an LSTM encoder: as wide as the decoders
     bert: str = ""  # a local folder
-    queries: str = "language"  # or `action`: frames ask the words; the paper says it is worse
+    # or `action`: frames ask the words, which the paper says is worse; or `both`, which it proposes
+    queries: str = "language"
     repeat_both: bool = False  # a fifth signal, as PGAE has
     weigh_words: bool = False  # errors in words count by the size of the word's class, as in PGAE
     # Ours, to show what the paper's choice does.
@@ -73,9 +74,9 @@ class PTAEConfig:
 
     @property
     def plain(self) -> bool:
-        """Is the way to the code the paper's regular one, which has a fast form?"""
+        """Has the way to the code a fast form: the paper's regular one, and that of `both`?"""
         none = self.language_encoder == self.action_encoder == "none"
-        return none and self.queries == "language" and not self.clock
+        return none and self.queries != "action" and not self.clock
 
 
 class PTAE(nn.Module):
@@ -90,10 +91,11 @@ class PTAE(nn.Module):
         self.words_in = encoders.language_encoder(c.language_encoder, c.encoder_units, c.bert)
         self.frames_in = encoders.action_encoder(c.action_encoder, inputs, c.encoder_units)
         seen = self.frames_in.size if self.frames_in else inputs
-        self.encoder = CrossmodalTransformer(
-            self.words_in.size, seen, c.hidden, c.heads, c.feed_forward, c.dropout, c.queries,
-            c.clock,
-        )  # fmt: skip
+        sizes = (self.words_in.size, seen, c.hidden, c.heads, c.feed_forward, c.dropout)
+        if c.queries == "both":
+            self.encoder = TwoWay(*sizes, clock=c.clock)
+        else:
+            self.encoder = CrossmodalTransformer(*sizes, c.queries, c.clock)
         sizes = (c.hidden, c.decoder_units, c.decoder_layers, c.forget_bias)
         self.language = LanguageDecoder(*sizes)
         self.action = ActionDecoder(c.features, c.joints, *sizes)
@@ -115,8 +117,10 @@ class PTAE(nn.Module):
     def quick(self, batch: Batch) -> Answer:
         """What `forward` answers, but for the attention, and computed only where it counts."""
         batch = self._shown(batch)
-        plain = self.config.plain
-        code = fast.encode(self.encoder, self.words_in, batch) if plain else self.encode(batch)[0]
+        if self.config.plain:
+            code = fast_crossmodal.encode(self.encoder, self.words_in, batch)
+        else:
+            code = self.encode(batch)[0]
         joints = fast.act(self.action, code, batch)
         unseen = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
         return Answer(self.language(code, WORDS_OUT), joints, code, unseen)

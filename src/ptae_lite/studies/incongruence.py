@@ -1,29 +1,30 @@
-"""Incongruence: what a model does when word and deed disagree (paper, section 4.4).
+"""Incongruence: what a model is given when word and deed shall disagree (paper, section 4.4).
 
 A conflict is put into the *extra* input, the one that the task could do without:
 
 - `language` for describe and repeat action: instead of EOS alone, the query is a whole sentence
-  with 0 to 3 false words (action, colour, speed);
+  with 1 to 3 false words (action, colour, speed);
 - `action` for execute and repeat language: instead of the first frame standing still, keys and
-  values are the moving clip of a partner sample that differs in action, position or speed.
+  values are the moving clip of a partner sample that differs in action, position or speed. Or only
+  the `vision` or the `proprioception` is the partner's, and the rest the sample's own clip.
 
 Decoder video, start pose, clip length and the answer asked for stay the true ones, as published.
-Without a conflict the paper has the regular input. That differs in format as well, so there is a
-control that the paper lacks: `congruent`, the extra input in the conflict's format, all true.
+Without a conflict the paper has the regular input. That differs in format as well, so there are
+controls that the paper lacks: the extra input in the conflict's format, all of it true.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 import torch
 
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
-from ptae_lite.evaluation import correct, nrmse, poses, respond, sentences
+from ptae_lite.evaluation import alternatives_for, respond
 from ptae_lite.language import (
     ACTIONS,
     SIDES,
@@ -31,11 +32,13 @@ from ptae_lite.language import (
     Meaning,
     Pattern,
     encode,
+    pattern,
     patterns,
     sentence,
     words_of,
 )  # fmt: skip
 from ptae_lite.models.checkpoint import Trained
+from ptae_lite.models.common import Answer
 from ptae_lite.signals import Batch, Source
 
 EXTRA_INPUT = {
@@ -43,7 +46,25 @@ EXTRA_INPUT = {
     "execute": "action", "repeat language": "action",
 }  # fmt: skip
 ASPECTS = {"language": ("action", "colour", "speed"), "action": ("action", "position", "speed")}
+PLACES = {"language": ("language",), "action": ("action", "vision", "proprioception")}
 ANSWERS_WORDS = ("describe", "repeat language")
+
+
+class Condition(NamedTuple):
+    """A signal and what is put into its extra input.
+
+    `conflict_in` is one of `PLACES`, with the aspects that are false; or, with none:
+
+    - `none`: the regular input;
+    - `congruent`: the conflict's format with the sample's own sentence, or its own clip;
+    - `congruent_other`: with another wording of the sentence, or the clip of another variation of
+      the same pattern;
+    - `blank` (execute alone): keys and values are zero.
+    """
+
+    signal: str
+    conflict_in: str = "none"
+    aspects: tuple[str, ...] = ()
 
 
 def conflict_sets(signal: str, conflicts: int) -> tuple[tuple[str, ...], ...]:
@@ -54,10 +75,43 @@ def conflict_sets(signal: str, conflicts: int) -> tuple[tuple[str, ...], ...]:
     return tuple(combinations(aspects, conflicts))
 
 
+def conditions(signal: str) -> list[Condition]:
+    """All that a signal is tried under: 10 for a conflict in language, 24 or 25 in action."""
+    controls = ["none", "congruent", "congruent_other", *(["blank"] if signal == "execute" else [])]
+    return [
+        *(Condition(signal, control) for control in controls),
+        *(
+            Condition(signal, place, aspects)
+            for place in PLACES[_extra_input(signal)]
+            for conflicts in (1, 2, 3)
+            for aspects in conflict_sets(signal, conflicts)
+        ),
+    ]
+
+
 def _extra_input(signal: str) -> str:
     if signal not in EXTRA_INPUT:
         raise ConfigError(f"no conflict for signal {signal!r}; there are {', '.join(EXTRA_INPUT)}")
     return EXTRA_INPUT[signal]
+
+
+def check(condition: Condition) -> None:
+    """Raise `ConfigError` where a condition does not exist, with those that do."""
+    signal, place, aspects = condition
+    kind = _extra_input(signal)
+    for aspect in aspects:
+        if aspect not in ASPECTS[kind]:
+            raise ConfigError(
+                f"no conflict of {aspect!r} in {kind}; there are {', '.join(ASPECTS[kind])}"
+            )
+    if condition not in conditions(signal):
+        places = list(dict.fromkeys(c.conflict_in for c in conditions(signal) if c.aspects))
+        controls = [c.conflict_in for c in conditions(signal) if not c.aspects]
+        raise ConfigError(
+            f"{signal} has no condition {place!r} with {len(aspects)} conflicts; there are "
+            f"{', '.join(controls)} without, {', '.join(places)} with 1 to 3, in the order "
+            f"{', '.join(ASPECTS[kind])}"
+        )
 
 
 def false_sentence(text: str, aspects, rng: np.random.Generator) -> str:
@@ -89,6 +143,31 @@ def partner(pattern: Pattern, aspects, rng: np.random.Generator) -> Pattern:
     return patterns()[72 * speed + 6 * arrangement + 3 * side + action]
 
 
+def extra_inputs(samples: Samples, indices, condition: Condition, seed: int = 0) -> list:
+    """What the extra input says: sentences (str), or sample numbers whose clips are shown (int).
+
+    Draws come from `seed` alone. A conflicting clip is of the sample's arrangement and variation
+    number. Without an extra input (`none`, `blank`) this is what the sample itself would say.
+    """
+    check(condition)
+    signal, place, aspects = condition
+    rng = np.random.default_rng([44, seed])
+    shown = [pattern(int(samples.pattern[i])) for i in indices]
+    if _extra_input(signal) == "language":
+        wording = alternatives_for(len(samples.frames))[torch.as_tensor(np.asarray(indices))]
+        if place == "congruent_other":
+            wording = (wording + torch.from_numpy(rng.integers(1, 8, len(wording)))) % 8
+        true = [sentence(p.meaning, k) for p, k in zip(shown, wording.tolist(), strict=True)]
+        return [false_sentence(text, aspects, rng) for text in true]
+    number = {pv: i for i, pv in enumerate(zip(samples.pattern, samples.variation, strict=True))}
+    variation = [int(samples.variation[i]) for i in indices]
+    if place == "congruent_other":
+        there = len(np.unique(samples.variation))
+        variation = [(v + int(rng.integers(1, there))) % there for v in variation]
+    chosen = [partner(p, aspects, rng).index for p in shown]
+    return [number[pv] for pv in zip(chosen, variation, strict=True)]
+
+
 def disturb_language(batch: Batch, texts: list[str]) -> Batch:
     """The batch with whole sentences in the query, where the task has EOS alone."""
     tokens = batch.tokens.clone()
@@ -96,97 +175,40 @@ def disturb_language(batch: Batch, texts: list[str]) -> Batch:
     return replace(batch, tokens=tokens, token_mask=torch.ones_like(batch.token_mask))
 
 
-def disturb_action(batch: Batch, source: Source, partners) -> Batch:
-    """The batch with the partners' moving clips as keys and values."""
-    partners = torch.as_tensor(np.asarray(partners))
-    keys = torch.cat([source.features[partners], source.joints[partners]], dim=2)
-    return replace(batch, keys=keys)
+def disturb_action(batch: Batch, source: Source, seen, felt) -> Batch:
+    """The batch with moving clips as keys and values: of which samples the video, and the joints.
 
-
-def conflicting_inputs(samples: Samples, indices, signal: str, aspects, seed: int = 0):
-    """What the extra input says: false sentences (str), or partners' sample numbers (int).
-
-    Drawn from the seed; the partner has the sample's arrangement and variation number.
+    Each keeps its own length and is zero behind it. Where frames ask, those of the longer one do.
     """
-    rng, place = np.random.default_rng([44, seed]), _extra_input(signal)
-    for aspect in aspects:
-        if aspect not in ASPECTS[place]:
-            raise ConfigError(
-                f"no conflict of {aspect!r} in {place}; there are {', '.join(ASPECTS[place])}"
-            )
-    if place == "language":
-        register = rng.integers(0, 8, len(indices)).tolist()
-        true = [
-            sentence(patterns()[samples.pattern[i]].meaning, k)
-            for i, k in zip(indices, register, strict=True)
-        ]
-        return [false_sentence(text, aspects, rng) for text in true]
-    number = {pv: i for i, pv in enumerate(zip(samples.pattern, samples.variation, strict=True))}
-    chosen = (partner(patterns()[samples.pattern[i]], aspects, rng).index for i in indices)
-    return [number[p, samples.variation[i]] for p, i in zip(chosen, indices, strict=True)]
+    seen, felt = (torch.as_tensor(np.asarray(samples)) for samples in (seen, felt))
+    keys = torch.cat([source.features[seen], source.joints[felt]], dim=2)
+    return replace(batch, keys=keys, frames=source.frames[seen].maximum(source.frames[felt]))
 
 
-def respond_with_extra(trained: Trained, source: Source, indices, signal, aspects, seed=0):
-    """A model's answers with the extra input, in conflict in `aspects` (none: congruent)."""
-    extra = conflicting_inputs(source.dataset.samples, indices, signal, aspects, seed)
-    done = 0
+def respond_under(
+    trained: Trained, source: Source, indices, condition: Condition, seed: int = 0, extra=None
+) -> Answer:
+    """A model's answers, for all samples in order, under one condition.
+
+    `extra` are the extra inputs, as `extra_inputs` gives them; drawn from the seed if None.
+    """
+    check(condition)
+    signal, place, _ = condition
+    if place == "none":
+        return respond(trained, source, indices, signal)
+    if extra is None:
+        extra = extra_inputs(source.dataset.samples, indices, condition, seed)
+    own, done = indices, 0
 
     def change(batch: Batch) -> Batch:
         nonlocal done
-        part = extra[done : done + len(batch.tokens)]
-        done += len(part)
+        part = slice(done, done + len(batch.tokens))
+        done = part.stop
+        if place == "blank":
+            return replace(batch, keys=torch.zeros_like(batch.keys))
         if EXTRA_INPUT[signal] == "language":
-            return disturb_language(batch, part)
-        return disturb_action(batch, source, part)
+            return disturb_language(batch, extra[part])
+        seen, felt = (own if place == other else extra for other in ("proprioception", "vision"))
+        return disturb_action(batch, source, seen[part], felt[part])
 
     return respond(trained, source, indices, signal, change=change)
-
-
-def score(trained: Trained, source: Source, indices, signal: str, answer) -> dict:
-    """Accuracy, or NRMSE by the paper's definition and over valid frames, in percent."""
-    samples = source.dataset.samples
-    if signal in ANSWERS_WORDS:
-        return {"accuracy": 100 * float(correct(answer, samples, indices).mean())}
-    error = nrmse(poses(answer, trained.scaling), samples, indices, trained.scaling)
-    return dict(zip(("nrmse", "nrmse_valid"), error, strict=True))
-
-
-def run(trained: Trained, samples: Samples, split: str = "test", seed: int = 0) -> pd.DataFrame:
-    """All four signals under 0 to 3 conflicts, every choice of aspects, and the control."""
-    source, indices = Source(trained.dataset(samples)), samples.split(split)
-    rows = []
-
-    def add(signal, conflict_in, aspects, answer):
-        row = {"signal": signal, "conflict_in": conflict_in, "conflicts": len(aspects),
-               "aspects": " ".join(aspects)}  # fmt: skip
-        rows.append(row | score(trained, source, indices, signal, answer))
-
-    for signal, place in EXTRA_INPUT.items():
-        add(signal, "none", (), respond(trained, source, indices, signal))
-        for conflicts in range(4):
-            for aspects in conflict_sets(signal, conflicts):
-                answer = respond_with_extra(trained, source, indices, signal, aspects, seed)
-                add(signal, place if aspects else "congruent", aspects, answer)
-    return pd.DataFrame(rows)
-
-
-def story(trained: Trained, source: Source, index: int, signal: str, aspects: tuple | None) -> dict:
-    """One sample with the extra input, conflicting in `aspects`; None is the regular input."""
-    samples, indices = source.dataset.samples, np.array([index])
-    truth = patterns()[samples.pattern[index]]
-    told = {"sample": f"{truth.action} {truth.side} cube {truth.speed}"}
-    if aspects is None:
-        answer, told["extra"] = respond(trained, source, indices, signal), "none"
-    else:
-        answer = respond_with_extra(trained, source, indices, signal, aspects)
-        told["extra"] = conflicting_inputs(samples, indices, signal, aspects)[0]
-        if EXTRA_INPUT[signal] == "action":
-            other = patterns()[samples.pattern[told["extra"]]]
-            told["extra"] = f"a clip, {other.action} {other.side} cube {other.speed}"
-    if signal in ANSWERS_WORDS:
-        told["asked"] = sentence(truth.meaning)
-        told["answer"] = sentences(answer)[0]
-        told["right"] = bool(correct(answer, samples, indices)[0])
-    else:
-        told["joints"] = poses(answer, trained.scaling)[0]
-    return told

@@ -1,10 +1,10 @@
-"""One test clip's answers under each conflict, kept so that a page without a model can show them.
+"""One test clip's answers under each condition, kept so that a page without a model can show them.
 
     python -m ptae_lite.studies.stories             # into build/results, to look at
     python -m ptae_lite.studies.stories --store     # into data/results, with provenance
 
-The command asks the stored PTAE, and has to be run again when its weights are replaced. It also
-keeps the table of `incongruence.run`, from which the same pages read the scores.
+The command asks the stored PTAE, and has to be run again when its weights are replaced. It takes
+pictures of the clip and its distractors from a recording's folder (`python -m ptae_lite record`).
 """
 
 from __future__ import annotations
@@ -18,99 +18,135 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
+from PIL import Image
 
 from ptae_lite import artefacts, dataset
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import PTAEError
-from ptae_lite.language import pattern
+from ptae_lite.evaluation import poses, sentences
+from ptae_lite.language import ACTIONS, pattern
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.signals import Source
-from ptae_lite.studies import incongruence
+from ptae_lite.studies import followed
+from ptae_lite.studies.incongruence import (
+    ANSWERS_WORDS,
+    EXTRA_INPUT,
+    Condition,
+    conditions,
+    extra_inputs,
+    respond_under,
+)  # fmt: skip
 
 MODEL = "weights/ptae.safetensors"
-TABLE, TOLD, JOINTS = "incongruence.csv", "incongruence_stories.csv", "incongruence_joints.npz"
-NOTHING = {"aspects": "", "answer": "", "asked": ""}  # an empty text in a CSV file reads as a gap
+TOLD, KEPT = "incongruence_stories.csv", "incongruence_stories.npz"
+SHOTS, SHOT_PX = 6, (80, 60)  # pictures of a film strip, and their width and height
+TEXTS = {"aspects": "", "sentence": "", "answer": ""}  # an empty text in a CSV file reads as a gap
 
 
 @dataclass(frozen=True, eq=False)
 class Stories:
-    """What one clip was answered: a row of `told` for each signal and choice of conflicts.
+    """What one clip was answered: a row of `told` for each condition.
 
     Motions stand in `joints` (R, 99, 5), in radians from the second frame on; the column `track`
-    says which is a row's. `truth` (T, 5) is the recorded motion from there.
+    says which is a row's. `films` has pictures of the 12 actions in the clip's arrangement, of its
+    variation number, evenly from first to last frame, by `Pattern.action_index`.
     """
 
+    index: int
     told: pd.DataFrame
     joints: Float[np.ndarray, "R 99 5"]
-    truth: Float[np.ndarray, "T 5"]
+    films: UInt8[np.ndarray, "12 shots height width 3"]
 
-    def of(self, signal: str, conflicts: int) -> pd.DataFrame:
-        """The rows of one signal and number of conflicts; for none, the control as well."""
-        told = self.told
-        return told[(told["signal"] == signal) & (told["conflicts"] == conflicts)]
+    def of(self, condition: Condition):
+        """The row of a condition."""
+        told, (signal, place, aspects) = self.told, condition
+        which = (told["signal"] == signal) & (told["conflict_in"] == place)
+        (row,) = told[which & (told["aspects"] == " ".join(aspects))].itertuples()
+        return row
 
 
-def tell(trained: Trained, samples: Samples, index: int) -> Stories:
-    """Ask a model for all four signals of one sample, under every choice of conflicts."""
+def tell(trained: Trained, samples: Samples, index: int, films, seed: int = 0) -> Stories:
+    """Ask a model for all four signals of one sample, under every condition."""
     source, rows, motions = Source(trained.dataset(samples)), [], []
-    shown = pattern(int(samples.pattern[index]))
-    for signal, place in incongruence.EXTRA_INPUT.items():
-        choices = [None, *(a for n in range(4) for a in incongruence.conflict_sets(signal, n))]
-        for aspects in choices:
-            told = incongruence.story(trained, source, index, signal, aspects)
-            where = "none" if aspects is None else place if aspects else "congruent"
-            joints = told.pop("joints", None)
-            rows.append({
-                "signal": signal, "conflict_in": where, "conflicts": len(aspects or ()),
-                "aspects": " ".join(aspects or ()), "sample": index,
-                "shown": f"{shown.action} {shown.side} cube {shown.speed} "
-                         f"(left {shown.left}, right {shown.right})",
-                "extra": told["extra"], "asked": told.get("asked", ""),
-                "answer": told.get("answer", ""), "right": told.get("right", False),
-                "track": -1 if joints is None else len(motions),
-            })  # fmt: skip
-            if joints is not None:
-                motions.append(joints.astype(np.float32))
-    return Stories(pd.DataFrame(rows), np.stack(motions), _truth(samples, index))
+    means = followed.Motions(samples, trained.scaling)
+    for condition in (c for signal in EXTRA_INPUT for c in conditions(signal)):
+        signal, place, aspects = condition
+        # all test clips are drawn for, as in the table; only this one is asked
+        (extra,) = _drawn(samples, index, condition, seed)
+        answer = respond_under(trained, source, [index], condition, extra=[extra])
+        ((what, distance),) = followed.told_by(answer, samples, [index], signal, means)
+        (within,) = followed.within([(what, distance)], means.reach)
+        truth = followed.truth_of(samples, index, signal)
+        distractor = followed.distractor_of(samples, index, extra, condition)
+        words = signal in ANSWERS_WORDS
+        told = sentences(answer)[0] if words else f"{what.action} the {what.cube} cube {what.speed}"
+        rows.append({
+            "sample": index, "signal": signal, "conflict_in": place, "conflicts": len(aspects),
+            "aspects": " ".join(aspects),
+            "sentence": extra if EXTRA_INPUT[signal] == "language" else "",
+            "clip": extra if EXTRA_INPUT[signal] == "action" else -1,
+            "answer": told, "distance": round(distance, 2),
+            "follows": followed.follows(within, truth, distractor),
+            "track": -1 if words else len(motions),
+        })  # fmt: skip
+        if not words:
+            motions.append(poses(answer, trained.scaling)[0].astype(np.float32))
+    return Stories(index, pd.DataFrame(rows), np.stack(motions), films)
 
 
-def _truth(samples: Samples, index: int) -> Float[np.ndarray, "T 5"]:
-    return samples.joints[index, 1 : samples.frames[index]]
+def _drawn(samples: Samples, index: int, condition: Condition, seed: int) -> list:
+    indices = samples.split("test")
+    drawn = extra_inputs(samples, indices, condition, seed)
+    return [drawn[int(np.flatnonzero(indices == index)[0])]]
 
 
-def write(folder, trained: Trained, samples: Samples) -> list[Path]:
-    """Write the table of all test clips, and the stories of the first one."""
+def film(folder, samples: Samples, index: int) -> UInt8[np.ndarray, "12 shots height width 3"]:
+    """Pictures for `Stories.films`, small, from a recording's folder."""
+    from ptae_lite.robot.recorder import check_ours, load_sequence
+
+    check_ours(folder, same_scene=False)
+    arrangement, variation = samples.pattern[index] % 72 // 6, int(samples.variation[index])
+    strips = []
+    for action in range(2 * 2 * len(ACTIONS)):
+        number = int(72 * (action // 6) + 6 * arrangement + action % 6)
+        images = load_sequence(folder, number, variation).images
+        at = np.linspace(0, pattern(number).frames - 1, SHOTS).round().astype(int)
+        strips.append([np.array(Image.fromarray(images[t]).resize(SHOT_PX)) for t in at])
+    return np.array(strips)
+
+
+def write(folder, trained: Trained, samples: Samples, films) -> list[Path]:
+    """Write the stories of the first test clip."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    stories = tell(trained, samples, int(samples.split("test")[0]))
-    incongruence.run(trained, samples).round(3).to_csv(folder / TABLE, index=False)
+    stories = tell(trained, samples, int(samples.split("test")[0]), films)
     stories.told.to_csv(folder / TOLD, index=False)
-    np.savez_compressed(folder / JOINTS, joints=stories.joints)
-    return [folder / name for name in (TABLE, TOLD, JOINTS)]
+    np.savez_compressed(folder / KEPT, joints=stories.joints, films=films)
+    return [folder / name for name in (TOLD, KEPT)]
 
 
-def load(samples: Samples, find=lambda name: artefacts.stored(f"results/{name}")):
-    """The stored table and stories, as (DataFrame, Stories); `find` gives each file's path."""
-    table = pd.read_csv(find(TABLE)).fillna({"aspects": ""})
-    told = pd.read_csv(find(TOLD)).fillna(NOTHING)
-    with np.load(find(JOINTS)) as file:
-        joints = file["joints"]
-    return table, Stories(told, joints, _truth(samples, int(told["sample"].iloc[0])))
+def load(find=lambda name: artefacts.stored(f"results/{name}")) -> Stories:
+    """The stored stories; `find` gives each file's path."""
+    told = pd.read_csv(find(TOLD)).fillna(TEXTS)
+    with np.load(find(KEPT)) as file:
+        return Stories(int(told["sample"].iloc[0]), told, file["joints"], file["films"])
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description="Keep the stored PTAE's answers under conflict.")
     parser.add_argument("--store", action="store_true", help="into data/results, with provenance")
     parser.add_argument("--out", default="build/results", help="folder, without --store")
+    parser.add_argument("--recording", default="build/recording", help="a recording's folder")
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
     begun = time.perf_counter()
     try:
         trained, samples = checkpoint.load(artefacts.stored(MODEL)), dataset.load("recording")
+        films = film(options.recording, samples, int(samples.split("test")[0]))
         folder = artefacts.DATA / "results" if options.store else options.out
-        for path in write(folder, trained, samples):
+        for path in write(folder, trained, samples, films):
             print(f"wrote {path.name}, {path.stat().st_size / 1e3:.0f} kB")
             if options.store:
                 artefacts.register(

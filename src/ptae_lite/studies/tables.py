@@ -29,11 +29,17 @@ def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None 
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():
         old = pd.read_csv(path)
-        again = old.set_index(key).index.isin(rows.set_index(key).index)
+        again = _index(old, key).isin(_index(rows, key))
         rows = pd.concat([old[~again], rows], ignore_index=True)
     beside = path.with_name(path.name + ".part")
     rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
     beside.replace(path)
+
+
+def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
+    """The rows' keys; an empty text, which a file gives back as a gap, is equal to itself."""
+    keys = rows[key].astype(object)
+    return pd.MultiIndex.from_frame(keys.where(keys.notna(), ""))
 
 
 def run(work: Callable, jobs: list, keep: Callable, workers: int, progress: Callable) -> None:
