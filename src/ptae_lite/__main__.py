@@ -132,11 +132,17 @@ def _supervision(options) -> dict:
     from ptae_lite import dataset
     from ptae_lite.studies import supervision
 
-    table = supervision.study(
-        dataset.load(options.data), options.out, options.shares, options.seeds or (0,),
-        progress=lambda jobs: bar(jobs, desc="trainings"),
+    samples = dataset.load(options.data, options.holdout)
+    jobs = supervision.select(
+        supervision.grid(options.seeds), model=options.models, mode=options.modes,
+        variant=options.variants, share=options.shares,
     )  # fmt: skip
-    return {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+    table = supervision.study(
+        samples, options.out, jobs, workers=options.workers, cluster=options.cluster,
+        progress=lambda results, total: bar(results, total=total, desc="trainings"),
+    )  # fmt: skip
+    made = {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+    return made | _caution(samples)
 
 
 def _eyes(options) -> dict:
@@ -271,11 +277,19 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--data", default="recording",
                        help=DATA_HELP)  # fmt: skip
     study.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
-    study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
-                       help="supervision: labelled samples in percent")  # fmt: skip
-    study.add_argument("--variants", nargs="+", metavar="NAME", help="family: which rows")
+    study.add_argument("--shares", type=float, nargs="+", metavar="PERCENT",
+                       help="supervision: which shares of labels")  # fmt: skip
+    study.add_argument("--models", nargs="+", metavar="NAME", help="supervision: which models")
+    study.add_argument("--modes", nargs="+", metavar="NAME",
+                       help="supervision: samples, iterations")  # fmt: skip
+    study.add_argument("--variants", nargs="+", metavar="NAME",
+                       help="family, supervision: which variants")  # fmt: skip
     study.add_argument("--seeds", type=int, nargs="+", help="one training for each")
-    study.add_argument("--workers", type=int, default=1, help="family: trainings side by side")
+    study.add_argument("--workers", type=int, default=1,
+                       help="family, supervision: trainings side by side")  # fmt: skip
+    study.add_argument("--cluster", metavar="ADDRESS",
+                       help="supervision: a Dask scheduler whose workers do the trainings; on a "
+                            "trusted network only")  # fmt: skip
     study.add_argument("--weights", metavar="FOLDER", help="family: keep the trained models here")
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
     study.add_argument("--eyes", default="build/eyes",
