@@ -31,8 +31,7 @@ _KEPT = "limited iterations results", "limited samples results"
 # Limited supervision: by model, measure and experiment, then by the share in percent.
 BY_SHARE: dict[tuple[str, str, str], dict[float, Claim]] = {
     ("ptae", "describe_accuracy", "iterations"): {
-        share: Claim(100.0, "perfect at all levels", _KEPT[0])
-        for share in (1, 2, 10, 20, 50, 66.6)
+        share: Claim(100.0, "perfect at all levels", _KEPT[0]) for share in (1, 2, 10, 20, 50, 66.6)
     },
     ("pgae", "describe_accuracy", "iterations"): {
         1: Claim(36.0, "36 %", _KEPT[0]),

@@ -172,6 +172,8 @@ def fit(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "
     variant = VARIANTS[job.variant]
     recipe = replace(recipe, **variant.recipe, epochs=recipe.epochs * variant.times)
     if job.mode == "iterations":
+        if job.model == "pvae":
+            raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
         recipe = replace(recipe, supervised=job.share / 100)
         return train(samples, recipe, limited=True, **options)
     return train(samples, recipe, labelled=labelled(samples, job, split), **options)
