@@ -156,8 +156,11 @@ def test_train_and_evaluate(result, few_stored, small_training, tmp_path, model)
     assert checkpoint.load(path).about["steps"] == 3
 
 
-def test_a_labelled_share_is_drawn_from_the_split(result, few_stored, small_training, tmp_path):
-    result("train", "ptae", "--labelled", 50, "--seed", 2, "--out", tmp_path / "w.safetensors")
+@pytest.mark.parametrize("model", ["ptae", "pvae"])
+def test_a_labelled_share_is_drawn_from_the_split(
+    result, few_stored, small_training, tmp_path, model
+):
+    result("train", model, "--labelled", 50, "--seed", 2, "--out", tmp_path / "w.safetensors")
     train = few_stored.split("train")
     wanted = training.label(train, 50, 2)
     np.testing.assert_array_equal(small_training[0][1]["labelled"], wanted)
@@ -219,13 +222,6 @@ def test_a_wrong_choice_is_refused(refusal, few_stored, tmp_path, setting, messa
     path = tmp_path / "w.safetensors"
     assert message in refusal("train", "ptae", "--set", setting, "--out", path)
     assert not path.exists()
-
-
-@pytest.mark.parametrize("model", ["pvae", "prae"])
-def test_a_labelled_share_of_pvae_is_refused(refusal, few_stored, tmp_path, model):
-    message = refusal("train", model, "--labelled", 50, "--out", tmp_path / "w.safetensors")
-    assert f"limited supervision of {model.upper()} is not built yet" in message
-    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

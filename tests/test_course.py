@@ -167,7 +167,8 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
 
     told = played("05_incongruence", 0).names
     colour = [told["language"].parse(text).colour for text in told["said"]]
-    wrong = sum(a != told["language"].parse(b).colour for a, b in zip(colour, told["shown"], strict=True))
+    pairs = zip(colour, told["shown"], strict=True)
+    wrong = sum(a != told["language"].parse(b).colour for a, b in pairs)
     assert wrong == 41 and round(told["followed"](told["said"], told["told"], told["shown"])) == 61
 
 

@@ -307,7 +307,7 @@ def test_repeat_both_needs_a_label(samples):
     train = samples.split("train")
     labelled = training.label(train, 10, seed=0)
     rng = np.random.default_rng(0)
-    batches = training.epoch_batches(rng, train, labelled, Recipe(), PGAEConfig().mix)
+    batches = training.epoch_batches(rng, train, labelled, Recipe(), PGAEConfig().mix.limited)
     parts, signals = (np.concatenate(column) for column in zip(*batches, strict=True))
     both = signals == signal_number("repeat both")
     assert both.any() and np.isin(parts[both], labelled).all()
@@ -316,8 +316,6 @@ def test_repeat_both_needs_a_label(samples):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"model": "pvae", "labelled": np.arange(5)}, "limited supervision of PVAE is not built"),
-        ({"model": "prae", "labelled": np.arange(5)}, "limited supervision of PRAE is not built"),
         ({"model": "gpt"}, "no model 'gpt'; there are ptae, pgae, pvae, prae"),
         ({"model": "pgae", "config": PTAEConfig()}, "pgae needs a PGAEConfig, not a PTAEConfig"),
         ({"model": "prae", "config": PVAEConfig()}, "prae needs a PRAEConfig, not a PVAEConfig"),

@@ -1,4 +1,4 @@
-"""Results by the share of labelled samples: what is drawn and said is what the tables hold."""
+"""Results by the share of labels: what is drawn and said is what the tables hold."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,6 +13,7 @@ from ptae_lite.models import checkpoint
 from ptae_lite.studies import supervision
 
 SHARES = (2, 10, 66.6, 100)
+KEY = supervision.KEY
 
 
 @pytest.fixture(autouse=True)
@@ -21,23 +22,40 @@ def closed():
     plt.close("all")
 
 
+def made(model, mode, variant, share, seed, accuracy, error):
+    key = [model, "recording", mode, variant, share, seed]
+    scores = {"describe_accuracy": accuracy, "execute_nrmse": error}
+    return dict(zip(KEY, key, strict=True)) | scores | {"supervised_presentations": 1000 + seed}
+
+
 @pytest.fixture(scope="module")
 def table():
-    return pd.DataFrame({
-        "share": SHARES, "seed": 0, "labelled": [13, 65, 432, 648],
-        "describe_accuracy": [20.0, 60.0, 95.0, 99.0], "execute_nrmse": [9.0, 5.0, 3.0, 2.0],
-    }).sample(frac=1, random_state=0)  # fmt: skip
+    """PTAE has one seed at 2 and 66.6 % and three at 10; PGAE only its regular training."""
+    rows = [
+        made("ptae", "samples", "balanced", 2, 0, 20, 9), *(
+            made("ptae", "samples", "balanced", 10, seed, 50 + 10 * seed, 5) for seed in range(3)
+        ),
+        made("ptae", "samples", "balanced", 66.6, 0, 95, 3),
+        made("ptae", "samples", "paper", 10, 0, 1, 1),  # another variant, not in these figures
+        made("linear", "samples", "random", 2, 0, 10, np.nan),
+        made("linear", "samples", "random", 2, 1, 30, np.nan),
+        *(made(m, *other, 0, 99, 2) for m in ("ptae", "pgae")
+          for other in (("samples", "paper", 100), ("iterations", "paper", 66.6))),
+    ]  # fmt: skip
+    return pd.DataFrame(rows).sample(frac=1, random_state=0)
 
 
 @pytest.fixture(scope="module")
-def said():
-    return pd.concat(
-        pd.DataFrame({
-            "share": share, "seed": seed, "truth": ["push red slowly", "pull blue fast"],
-            "said": ["push red slowly", np.nan], "right": [True, False],
-        })
-        for share in SHARES for seed in (0, 1)
+def said(table):
+    answers = (
+        ("push red slowly", "move-up scarlet fast", False), ("pull blue fast", np.nan, False),
+        ("slide red fast", "slide red quickly", True),
     )  # fmt: skip
+    return pd.DataFrame([
+        {name: row[name] for name in KEY} | {"truth": truth, "said": words, "right": right}
+        for row in table[table["model"] != "linear"].to_dict("records")
+        for truth, words, right in answers
+    ])  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -46,64 +64,148 @@ def stored():
     return [pd.read_csv(artefacts.stored(f"results/{name}")) for name in names]
 
 
-def line(axes, label):
+def curve(axes, label):
+    """Means of a model by share, and how far its bars reach down and up."""
+    (found,) = [c for c in axes.containers if c.get_label() == label]
+    line, _, (bars,) = found
+    ends = [segment[:, 1] for segment in bars.get_segments() if len(segment)]
+    return dict(zip(*map(list, line.get_data()), strict=True)), ends
+
+
+def points(axes, label):
     (found,) = [one for one in axes.lines if one.get_label() == label]
-    return np.array(found.get_xdata()), np.array(found.get_ydata())
+    return dict(zip(*map(list, found.get_data()), strict=True))
 
 
-def mark(axes):
-    return tuple(float(value[0]) for value in line(axes, "here"))
+def test_a_point_is_the_mean_and_a_bar_reaches_to_the_worst_and_best_seed(table):
+    _, accuracy, error = shares.by_share(table).axes
+    means, ends = curve(accuracy, "PTAE")
+    assert means == {2: 20, 10: 60, 66.6: 95, 100: 99}
+    drawn = [end.tolist() for end in ends if np.isfinite(end).all()]
+    assert drawn == [[50, 70]]  # one seed has no bar
+    assert curve(error, "PTAE")[0] == {2: 9, 10: 5, 66.6: 3, 100: 2}
+    assert curve(accuracy, "weighted sums")[0] == {2: 20}
+    assert "weighted sums" not in [c.get_label() for c in error.containers]
+    assert set(points(accuracy, "chance").values()) == {CHANCE}
 
 
-def test_results_stand_beside_what_the_paper_states(table):
-    accuracy, error = shares.by_share(table).axes
-    x, y = line(accuracy, "ours, one seed")
-    assert x.tolist() == list(SHARES) and y.tolist() == [20, 60, 95, 99]
-    assert line(error, "ours, one seed")[1].tolist() == [9, 5, 3, 2]
-    x, y = line(accuracy, "stated in the paper's text")
-    paper = {share: claim.value for share, claim in published.DESCRIBE_BY_SAMPLES.items()}
-    assert dict(zip(x, y, strict=True)) == paper
-    assert set(line(accuracy, "chance")[1]) == {CHANCE}
+def test_the_papers_numbers_stand_beside_ours(table):
+    for axis, (column, mode) in zip(shares.by_share(table).axes, shares.PAPERS, strict=True):
+        for model, name in (("ptae", "PTAE"), ("pgae", "PGAE")):
+            paper = {s: c.value for s, c in published.BY_SHARE[model, column, mode].items()}
+            assert points(axis, f"{name} in the paper's text") == paper
 
 
-def test_several_seeds_are_dots_about_their_mean(table):
-    other = table.assign(seed=1, describe_accuracy=table["describe_accuracy"] - 10)
-    accuracy, _ = shares.by_share(pd.concat([table, other])).axes
-    assert line(accuracy, "ours, mean of 2 seeds")[1].tolist() == [15, 55, 90, 94]
-    assert len(line(accuracy, "one seed")[0]) == 8
+def test_a_training_stands_where_its_labels_were_shown(table):
+    (axis,) = shares.by_presentations(table).axes
+    labels = {line.get_label() for line in axis.lines}
+    assert labels == {"samples, balanced", "samples, paper", "all labels", "chance"}
+    assert {text.get_text() for text in axis.texts} == {"2", "10", "66.6"}
 
 
 @pytest.mark.parametrize("share", SHARES)
 def test_every_share_is_marked_with_its_sentences(table, said, share):
-    figure = shares.card(table, said, share)
-    row = table[table["share"] == share].iloc[0]
-    assert mark(figure.axes[0]) == (share, row["describe_accuracy"])
-    assert mark(figure.axes[1]) == (share, row["execute_nrmse"])
-    texts = [text.get_text() for text in figure.axes[2].texts]
-    assert texts[:2] == ["the clip shows", "the model says"]
+    figure = shares.card(table, said, "samples", "ptae", share)
+    rows = shares.rows_of(table, "ptae", "samples")
+    rows = rows[rows["share"] == share]
+    for axis, column in zip(figure.axes, shares.LABELS, strict=False):
+        assert points(axis, "here") == {share: rows[column].mean()}
+    texts = [text.get_text().strip() for text in figure.axes[2].texts]
+    assert texts[:2] == ["the clip shows", "the model says ([ ]: a wrong word)"]
     assert texts[2:] == [
-        "push red slowly", "right   push red slowly", "pull blue fast", "WRONG   (nothing)",
+        "push red slowly", "WRONG", "move-up scarlet", "[fast]",
+        "pull blue fast", "WRONG", "[(nothing)]", "slide red fast", "right", "slide red quickly",
     ]  # fmt: skip
+    own, wrong = (t.get_text() for t in figure.axes[2].texts[4:6])
+    assert wrong.index("[fast]") == own.index("move-up") + len("move-up scarlet ")
+
+
+@pytest.mark.parametrize(
+    ("said", "right"),
+    [("push red slowly", [1, 1, 1]), ("move-up scarlet fast", [1, 1, 0]), ("red push", [0, 0]),
+     ("push red slowly slowly", [1, 1, 1, 0]), (np.nan, [0])],
+)  # fmt: skip
+def test_each_word_is_judged_at_its_place(said, right):
+    assert [ok for _, ok in shares.marked("push red slowly", said)] == [bool(r) for r in right]
+
+
+def test_what_the_table_lacks_is_said_in_its_place(table, said):
+    panel = shares.panel(table, said, model="ptae", share=10)
+    lacking = panel.frame(mode="samples", model="ptae", share=50)
+    assert lacking == "The table has no PTAE with 50 % of the samples; it has 2, 10, 66.6, 100 %."
+    lacking = panel.frame(mode="samples", model="pvae", share=50)
+    assert lacking.endswith("it has none with this model.")
 
 
 def test_the_stored_panel_shows_and_says_its_table_at_every_position(stored):
     table, said = stored
-    panel = shares.panel(table, said)
-    frames, _ = frames_in(panel.html())
+    panel = shares.panel(table, said, share=10)
     view = panel.widget()
-    (slider,) = controls_of(view).values()
-    assert panel.values["share"] == sorted(table["share"].unique().tolist())
-    assert len(set(frames)) == len(frames) == table["share"].nunique()
-    for frame, share in zip(frames, panel.values["share"], strict=True):
-        slider.value = share
-        assert view.children[-1].value == frame  # live equals stored
-        rows, text = table[table["share"] == share], panel.description(share=share)
-        assert f"right for {rows['describe_accuracy'].mean():.1f} % of the test" in text
-        assert f"NRMSE of {rows['execute_nrmse'].mean():.2f} %" in text
-        assert f"({rows['labelled'].iloc[0]})" in text
-        for row in said[(said["share"] == share) & (said["seed"] == 0)].itertuples():
-            assert f"{row.truth}: {'right' if row.right else 'wrong'}, {row.said}" in text
-        assert mark(panel.frame(share=share).axes[0])[1] == rows["describe_accuracy"].mean()
+    controls = controls_of(view)
+    frames, _ = frames_in(panel.html())
+    assert len(frames) == np.prod([len(values) for values in panel.values.values()])
+    for mode in panel.values["mode"]:
+        for model in panel.values["model"]:
+            for share in panel.values["share"]:
+                where = {"mode": mode, "model": model, "share": share}
+                rows, text = shares.rows_of(table, model, mode), panel.description(**where)
+                rows = rows[rows["share"] == share]
+                if rows.empty:
+                    assert text.startswith("The table has no ") and text == panel.frame(**where)
+                    continue
+                assert f"right for {rows['describe_accuracy'].mean():.1f} % of the test" in text
+                assert f"NRMSE of {rows['execute_nrmse'].mean():.2f} %" in text
+                own = shares.rows_of(said, model, mode)
+                own = own[(own["share"] == share) & (own["seed"] == rows["seed"].min())]
+                assert len(own) == supervision.SHOWN
+                for row in own.fillna("(nothing)").itertuples():
+                    assert f"{row.truth}: {'right' if row.right else 'wrong'}, {row.said}" in text
+                assert panel.face(**where) in frames
+    controls["model"].value = "pgae"  # live equals stored
+    assert view.children[-1].value == panel.face(mode="samples", model="pgae", share=10)
+
+
+def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, trained):
+    asked = []
+
+    def fit(samples, job, recipe, progress):
+        asked.append((job, recipe.epochs, [*progress(range(1, 3))]))
+        return trained
+
+    monkeypatch.setattr(shares, "fit", fit)
+    box = shares.workshop(few, table, said, epochs=2, model="ptae", share=10).widget()
+    mode, _, slider, *_ = box.children
+    button, line, result = box.children[-3:]
+    assert "2 epochs" in button.description and result.value == ""
+    mode.value, slider.value = "iterations", 2
+    button.click()
+    ((job, epochs, told),) = asked
+    assert job == supervision.Job("ptae", "iterations", "paper", 2, 0)
+    assert (epochs, told) == (2, [1, 2]) and not button.disabled
+    assert "trained: 3 steps" in line.value and "<img" in result.value
+    now = (pd.DataFrame([supervision.scores(trained, few)]), supervision.examples(trained, few))
+    figure = shares.card(table, said, "iterations", "ptae", 2, live=now)
+    for axis, column in zip(figure.axes, shares.LABELS, strict=False):
+        assert points(axis, "trained just now") == {2: now[0][column].iloc[0]}
+
+
+def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
+    table, said, few, monkeypatch, caplog
+):
+    box = shares.workshop(few, table, said, model="pvae", mode="iterations", share=2).widget()
+    button, _, result = box.children[-3:]
+    button.click()
+    assert result.value.startswith("PVAE has no signals")
+    monkeypatch.setattr(shares, "fit", lambda *a, **o: 1 / 0)
+    button.click()
+    assert 'role="alert"' in result.value and "ZeroDivisionError" in result.value
+    assert "division by zero" in caplog.text and not button.disabled
+
+
+def test_on_a_page_there_is_no_button(table, said, few, monkeypatch):
+    monkeypatch.setenv("PTAE_STATIC", "1")
+    bundle = shares.workshop(few, table, said, share=10)._repr_mimebundle_()
+    assert "button" not in bundle["text/html"] and "data-ptae-embed" in bundle["text/html"]
 
 
 def test_the_stored_weights_still_give_the_row_of_all_labels(stored):
@@ -111,11 +213,13 @@ def test_the_stored_weights_still_give_the_row_of_all_labels(stored):
     table, said = stored
     samples = dataset.load("recording")
     trained = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
-    row = table[(table["share"] == 100) & (table["seed"] == 0)].iloc[0]
+
+    def own(rows):
+        return rows[(rows["model"] == "ptae") & (rows["share"] == 100) & (rows["seed"] == 0)]
+
     for name, value in supervision.scores(trained, samples).items():
         one_sample = 0.5 if name.endswith("accuracy") else 0.02
-        assert row[name] == pytest.approx(value, abs=one_sample), name
-    kept = said[(said["share"] == 100) & (said["seed"] == 0)]
-    again = supervision.examples(trained, samples, 100, 0)
-    assert kept["sample"].tolist() == again["sample"].tolist()
-    assert (kept["right"].to_numpy() != again["right"].to_numpy()).sum() <= 1
+        assert own(table)[name].item() == pytest.approx(value, abs=one_sample), name
+    again = supervision.examples(trained, samples)
+    assert own(said)["sample"].tolist() == again["sample"].tolist()
+    assert (own(said)["right"].to_numpy() != again["right"].to_numpy()).sum() <= 1

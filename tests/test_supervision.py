@@ -6,95 +6,214 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 import ptae_lite.__main__ as cli
 from ptae_lite import dataset, training
 from ptae_lite.errors import ConfigError
-from ptae_lite.evaluation import evaluate
+from ptae_lite.evaluation import evaluate, linear_describe_accuracy
 from ptae_lite.language import alternatives, parse, patterns
-from ptae_lite.models import PTAE
-from ptae_lite.signals import SUPERVISED, signal_number
-from ptae_lite.studies import supervision, tables
+from ptae_lite.models.checkpoint import MODELS
+from ptae_lite.signals import SUPERVISED, signal_index, signal_number
+from ptae_lite.studies import labels, supervision, tables
+from ptae_lite.studies.supervision import Job
 from ptae_lite.training import Recipe
 
 QUICK = Recipe(epochs=1, batch=8)
-KEY = ["share", "seed"]
+KEY = supervision.KEY
+DESCRIBE, REPEAT_LANGUAGE = signal_number("describe"), signal_number("repeat language")
+NEED_LABEL = {"ptae": SUPERVISED, "pgae": (*SUPERVISED, "repeat both")}
+
+
+def job(share=50, seed=0, model="ptae", mode="samples", variant="balanced"):
+    return Job(model, mode, variant, share, seed)
 
 
 @pytest.fixture
-def small(monkeypatch, tiny):
-    """Trainings are of a tiny model; keeps what each of their steps was built from."""
+def small(monkeypatch, small_configs):
+    """Trainings are of tiny models; keeps what each of their steps was built from."""
     built, real = [], training.build
 
-    def build(source, samples, signals, alternative, hold):
-        built.append((samples.numpy(), signals.numpy()))
-        return real(source, samples, signals, alternative, hold)
+    def build(source, samples, signals, alternative, hold, told):
+        built.append((samples.numpy(), signals.numpy(), told.numpy()))
+        return real(source, samples, signals, alternative, hold, told)
 
-    monkeypatch.setitem(training.MODELS, "ptae", (PTAE, lambda features: tiny))
+    small = {k: (make, lambda features, k=k: small_configs[k]) for k, (make, _) in MODELS.items()}
+    monkeypatch.setattr(training, "MODELS", small)
     monkeypatch.setattr(training, "build", build)
     return built
 
 
 @pytest.fixture
 def trainings(monkeypatch, small):
-    """Which (share, seed) were trained; a share in `broken` stops the study."""
+    """Which jobs were run."""
     asked, real = [], supervision.run_one
 
-    def run_one(samples, share, seed, recipe, split="train"):
-        asked.append((share, seed, recipe.seed))
-        return real(samples, share, seed, recipe, split)
+    def run_one(samples, job, recipe):
+        asked.append(job)
+        return real(samples, job, recipe)
 
     monkeypatch.setattr(supervision, "run_one", run_one)
     return asked
 
 
-def supervised_samples(built):
-    """Every sample that a step ever wired to describe or execute."""
-    numbers = [signal_number(signal) for signal in SUPERVISED]
-    return {int(s) for part, sig in built for s in part[np.isin(sig, numbers)]}
+def supervised(built, model="ptae"):
+    """How often samples were shown with a signal that needs a label, and which they were."""
+    numbers = [signal_number(signal) for signal in NEED_LABEL[model]]
+    parts = [part[np.isin(signals, numbers)] for part, signals, _ in built]
+    return sum(map(len, parts)), {int(i) for part in parts for i in part}
 
 
-@pytest.mark.parametrize("share", [5, 25, 50, 90])
-def test_no_step_asks_an_unlabelled_sample_for_what_needs_a_label(few, small, share):
-    recipe = Recipe(epochs=2, batch=8, seed=3)
-    row, trained = supervision.run_one(few, share, 3, recipe)
-    labelled = training.label(few.split("train"), share, 3)
-    assert len(small) == row["steps"] == trained.about["steps"] == 6
-    assert len(supervised_samples(small)) > 0 and supervised_samples(small) <= set(
-        labelled.tolist()
-    )
-    others = np.setdiff1d(few.split("train"), labelled)
-    seen = {int(s) for part, _ in small for s in part}
-    assert seen <= set(few.split("train").tolist()) and seen & set(others.tolist())
-    supervised = sum(np.isin(s, [signal_number(x) for x in SUPERVISED]).sum() for _, s in small)
-    assert row["supervised_presentations"] == supervised
-    assert row["labelled"] == len(labelled) == trained.about["labelled"]
+@pytest.mark.parametrize("variant", ["paper", "balanced", "unpaired", "covering"])
+@pytest.mark.parametrize(
+    ("model", "share"), [("ptae", 5), ("ptae", 50), ("ptae", 90), ("pgae", 25)]
+)
+def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
+    few, small, model, share, variant
+):
+    this = job(share, 3, model, variant=variant)
+    trained = supervision.fit(few, this, Recipe(epochs=4, batch=8))
+    chosen = set(supervision.labelled(few, this).tolist())
+    count, asked = supervised(small, model)
+    assert len(small) == trained.about["steps"] == 12
+    assert asked and asked <= chosen and trained.about["labelled"] == len(chosen)
+    assert trained.about["supervised_presentations"] == count
+    numbers = [signal_number(signal) for signal in NEED_LABEL[model]]
+    for part, signals, _ in small:
+        np.testing.assert_array_equal(np.isin(part, list(chosen)), np.isin(signals, numbers))
+    if variant == "paper":  # each sample once an epoch
+        assert count == 4 * len(chosen)
+        for epoch in range(4):
+            parts = [part for part, *_ in small[3 * epoch : 3 * epoch + 3]]
+            assert sorted(np.concatenate(parts)) == few.split("train").tolist()
+    else:
+        assert count == 12 * 8 / 2
 
 
-def test_with_all_labels_every_sample_is_asked_for_everything(few, small):
-    row, _ = supervision.run_one(few, 100, 0, Recipe(epochs=4, batch=8))
-    assert len(supervised_samples(small)) > 20  # each of 24 is missed in 1 of 81 cases
-    assert row["labelled"] == 24 and row["supervised_presentations"] == 4 * 24 * 2 / 3
+@pytest.mark.parametrize("variant", ["paper", "balanced"])
+def test_pvae_binds_labelled_pairs_alone(few, small, monkeypatch, variant):
+    bound, real = [], training.replace
+
+    def keep(batch, **changes):
+        bound.append(changes["paired"].numpy()) if "paired" in changes else None
+        return real(batch, **changes)
+
+    monkeypatch.setattr(training, "replace", keep)
+    this = job(25, model="pvae", variant=variant)
+    about = supervision.fit(few, this, Recipe(epochs=2, batch=8)).about
+    chosen = supervision.labelled(few, this)
+    for paired, (part, *_) in zip(bound, small, strict=True):
+        np.testing.assert_array_equal(paired, np.isin(part, chosen))
+    assert about["supervised_presentations"] == sum(paired.sum() for paired in bound)
+    assert {int(i) for part, *_ in small for i in part} > set(chosen.tolist())
 
 
-def test_a_share_that_rounds_up_to_all_is_the_regular_training(few, small):
-    row, _ = supervision.run_one(few, 99.9, 0, QUICK)
-    assert row["labelled"] == 24 and row["supervised_presentations"] == 16
+def test_a_blend_is_of_labelled_clips_alone(few, small, monkeypatch):
+    """Whatever partners are drawn: what was blended is to be described, and so is its partner."""
+    seen, real = [], training.blend
+
+    def blend(batch, share, partner):
+        made = real(batch, share, partner)
+        own, other = small[-1][0], small[-1][0][partner]
+        changed = ((made.keys != batch.keys).flatten(1).any(1) | (made.share < 1)).numpy()
+        describe = (batch.tokens[:, 0] == signal_index("describe")).numpy()
+        assert describe[changed].all() and describe[partner][changed].all()
+        seen.extend([*own[changed], *other[changed]])
+        return made
+
+    monkeypatch.setattr(training, "blend", blend)
+    this = job(50)
+    supervision.fit(few, this, Recipe(epochs=4, batch=8))
+    assert seen and set(seen) <= set(supervision.labelled(few, this).tolist())
+
+
+@pytest.mark.parametrize("mode", ["samples", "iterations"])
+def test_unpaired_sentences_are_repeated_beside_the_scene_of_a_stranger(few, small, mode):
+    for variant in ("balanced", "unpaired"):
+        small.clear()
+        supervision.fit(few, job(25, mode=mode, variant=variant), Recipe(epochs=4, batch=8))
+        own = np.concatenate([p == told for p, _, told in small])
+        signals = np.concatenate([signals for _, signals, _ in small])
+        assert own[signals != REPEAT_LANGUAGE].all()
+        share = own[signals == REPEAT_LANGUAGE].mean()
+        assert share == 1 if variant == "balanced" else share < 0.3
+    told = {int(t) for _, s, told in small for t in told[s == REPEAT_LANGUAGE]}
+    if mode == "samples":
+        assert not told & set(supervision.labelled(few, job(25)).tolist())
+
+
+@pytest.mark.parametrize(("model", "share"), [("ptae", 10), ("pgae", 50), ("ptae", 2)])
+def test_few_supervised_updates_use_any_sample(few, small, model, share):
+    this = job(share, model=model, mode="iterations", variant="paper")
+    about = supervision.fit(few, this, Recipe(epochs=40, batch=8)).about
+    count, asked = supervised(small, model)
+    assert count / (40 * 24) == pytest.approx(share / 100, abs=0.03)
+    assert about["supervised_presentations"] == count and about["labelled"] == 24
+    assert asked <= set(few.split("train").tolist()) and len(asked) > 8
+    if model == "pgae":  # describe, execute and repeat both share them equally
+        signals = np.concatenate([signals for _, signals, _ in small])
+        shares = [np.mean(signals == signal_number(s)) for s in NEED_LABEL["pgae"]]
+        np.testing.assert_allclose(shares, share / 300, atol=0.04)
+
+
+@pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
+def test_with_all_labels_it_is_the_regular_training(few, small, model):
+    recipe = Recipe(epochs=1, batch=8)
+    made = [
+        supervision.fit(few, job(100, 1, model, variant="paper"), recipe),
+        training.train(few, replace(recipe, seed=1), model=model),
+    ]
+    first, second = (torch.cat([p.flatten() for p in t.model.parameters()]) for t in made)
+    assert torch.equal(first, second)
+    assert made[0].about["labelled"] == 24
+
+
+def test_the_regular_training_gives_a_row_of_either_experiment(few, small):
+    rows, said = supervision.run_one(few, job(100, variant="paper"), QUICK)
+    assert rows["mode"].tolist() == ["samples", "iterations"]
+    assert rows["share"].tolist() == [100, 66.6] and len(said) == 12
+    assert rows.drop(columns=["mode", "share"]).nunique().max() == 1
+    rows, said = supervision.run_one(few, job(100, model="pvae", variant="paper"), QUICK)
+    assert rows["mode"].tolist() == ["samples"] and len(said) == 6
 
 
 def test_the_labelled_list_follows_its_seed_alone(few, small):
     lists = []
     for seed, epochs in ((1, 2), (1, 3), (2, 2)):
         small.clear()
-        supervision.run_one(few, 20, seed, Recipe(epochs=epochs, batch=8, seed=seed))
-        lists.append(supervised_samples(small))
+        supervision.fit(few, job(20, seed), Recipe(epochs=epochs, batch=8))
+        lists.append(supervised(small)[1])
     assert lists[0] == lists[1] != lists[2]
 
 
 def test_held_out_patterns_take_no_part_while_settings_are_chosen(samples, small):
-    row, _ = supervision.run_one(samples, 1, 0, Recipe(epochs=1, batch=54), "fit")
-    seen = {int(s) for part, _ in small for s in part}
-    assert row["labelled"] == 6 and seen <= set(samples.split("fit").tolist())
+    rows, _ = supervision.run_one(samples, job(1), Recipe(epochs=1, batch=54), "fit")
+    seen = {int(i) for part, *_ in small for i in part}
+    assert rows["labelled"].item() == 6 and seen <= set(samples.split("fit").tolist())
+
+
+@pytest.mark.parametrize("share", [1, 2, 5])
+def test_covering_labels_name_every_word_evenly(samples, share):
+    train, sets = samples.split("train"), set()
+    for seed in range(5):
+        chosen = labels.cover(samples, train, share, seed)
+        assert len(set(chosen)) == len(training.label(train, share, seed))
+        assert set(chosen) <= set(train.tolist())
+        meanings = [patterns()[i].meaning for i in samples.pattern[chosen]]
+        for place, words in enumerate((3, 6, 2)):
+            counts = pd.Series([m[place] for m in meanings]).value_counts()
+            assert len(counts) == words and counts.max() - counts.min() <= 2
+        sets.add(tuple(chosen))
+    assert len(sets) == 5
+
+
+def test_the_linear_baseline_is_scored_as_ever(few):
+    chosen = training.label(few.split("train"), 50, 2)
+    rows, said = supervision.run_one(few, job(50, 2, "linear", variant="random"))
+    wanted = linear_describe_accuracy(few, chosen)
+    assert rows["describe_accuracy"].item() == pytest.approx(wanted, abs=0.001)
+    assert rows["labelled"].item() == 12 and not len(said)
+    assert rows[["action_accuracy", "colour_accuracy", "speed_accuracy"]].min().min() >= wanted
 
 
 def test_scores_are_those_of_the_evaluation_and_of_the_words(trained, few):
@@ -104,43 +223,80 @@ def test_scores_are_those_of_the_evaluation_and_of_the_words(trained, few):
     assert set(scores) - set(whole) == {"action_accuracy", "colour_accuracy", "speed_accuracy"}
 
 
+def test_sentences_are_of_test_clips_and_are_judged(trained, few):
+    said = supervision.examples(trained, few)
+    assert len(said) == 6 and set(said["sample"]) <= set(few.split("test").tolist())
+    assert said["sample"].is_unique and said["sample"].is_monotonic_increasing
+    for row in said.itertuples():
+        meaning = patterns()[few.pattern[row.sample]].meaning
+        assert parse(row.truth) == meaning
+        assert row.right == (row.said in alternatives(meaning))
+
+
+def test_the_grid_holds_both_experiments_three_times_and_no_training_twice():
+    grid = supervision.grid()
+    assert len(grid) == len(set(grid))
+    for model in ("ptae", "pgae"):
+        for seed in (0, 1, 2):
+            mine = [j for j in grid if (j.model, j.seed) == (model, seed)]
+            shares = {j.share for j in mine if (j.mode, j.variant) == ("samples", "balanced")}
+            assert shares | {100} == set(supervision.SHARES["samples"])
+            shares = {j.share for j in mine if (j.mode, j.variant) == ("iterations", "paper")}
+            assert shares | {66.6} == set(supervision.SHARES["iterations"])
+            assert [j.share for j in mine if j.regular] == [100]
+    assert len({j.share for j in grid if j.model == "pvae"}) == 5
+    assert len({j.seed for j in grid if j.model == "linear" and j.share == 10}) == 20
+    core = [j for j in grid if j.variant in ("balanced", "paper") and j.mode == "iterations"]
+    assert [j.seed for j in core if j.model == "ptae"] == [0] * 5 + [1] * 5 + [2] * 5
+
+
+def test_jobs_are_selected_by_their_fields():
+    grid = supervision.grid((0,))
+    few = supervision.select(grid, model=["pgae"], mode=None, share=[2.0, 66.6])
+    assert {(j.model, j.share) for j in few} == {("pgae", 2), ("pgae", 66.6)}
+    assert {j.mode for j in few} == {"samples", "iterations"}
+    for name, value in {"model": "gpt", "mode": "days", "variant": "half", "share": 3}.items():
+        with pytest.raises(ConfigError, match=f"no {name} {value!r}; there are "):
+            supervision.select(grid, **{name: [value]})
+
+
 def test_a_study_writes_a_row_for_each_training(few, trainings, tmp_path):
-    table = supervision.study(few, tmp_path, (50, 10), (0, 1), QUICK)
-    assert trainings == [(50, 0, 0), (10, 0, 0), (50, 1, 1), (10, 1, 1)]
-    assert table[KEY].values.tolist() == [[10, 0], [10, 1], [50, 0], [50, 1]]
-    assert table["labelled"].tolist() == [3, 3, 12, 12]
-    assert table.notna().all(axis=None)
-    assert {"model", "mode", "steps", "describe_accuracy", "execute_nrmse_valid"} < set(table)
+    jobs = [job(50), job(10, 1), job(10, model="linear", variant="random")]
+    table = supervision.study(few, tmp_path, jobs, QUICK)
+    assert trainings == jobs
+    assert table[KEY].values.tolist() == [
+        ["linear", "recording", "samples", "random", 10, 0],
+        ["ptae", "recording", "samples", "balanced", 10, 1],
+        ["ptae", "recording", "samples", "balanced", 50, 0],
+    ]
+    assert table["labelled"].tolist() == [3, 3, 12]
+    assert table[table["model"] == "ptae"].notna().all(axis=None)
+    assert {"describe_accuracy", "execute_nrmse_valid",
+            "repeat_action_nrmse", "seconds", "versions", "steps"} < set(table)  # fmt: skip
     pd.testing.assert_frame_equal(table, pd.read_csv(tmp_path / "supervision.csv"))
 
 
-def test_a_study_without_a_recipe_takes_the_default(few, monkeypatch, tmp_path):
-    class Enough(Exception):
-        pass
-
-    def run_one(samples, share, seed, recipe):
-        assert recipe == Recipe(seed=4)
-        raise Enough
-
-    monkeypatch.setattr(supervision, "run_one", run_one)
-    with pytest.raises(Enough):
-        supervision.study(few, tmp_path, (10,), (4,))
-
-
 def test_what_is_there_is_not_trained_again(few, trainings, tmp_path):
-    supervision.study(few, tmp_path, (10,), (0,), QUICK)
-    before = pd.read_csv(tmp_path / "supervision.csv")
-    jobs = []
+    supervision.study(few, tmp_path, [job(10)], QUICK)
+    before = (tmp_path / "supervision.csv").read_text()
+    asked = []
+    jobs = [job(10.0), job(66.6), job(100, variant="paper")]
     supervision.study(
-        few, tmp_path, (10.0, 66.6), (0,), QUICK, progress=lambda todo: jobs.extend(todo) or todo
-    )
-    assert jobs == [(66.6, 0)]
-    assert trainings == [(10, 0, 0), (66.6, 0, 0)]
-    after = pd.read_csv(tmp_path / "supervision.csv")
-    assert after["share"].tolist() == [10, 66.6]
-    pd.testing.assert_frame_equal(after.iloc[:1], before, check_dtype=False)
-    supervision.study(few, tmp_path, (10, 66.6), (0,), QUICK)
-    assert len(trainings) == 2
+        few, tmp_path, jobs, QUICK,
+        progress=lambda results, total: asked.append(total) or results,
+    )  # fmt: skip
+    assert asked == [2] and trainings == [job(10), job(66.6), job(100, variant="paper")]
+    after = (tmp_path / "supervision.csv").read_text()
+    assert set(before.splitlines()[1:]) < set(after.splitlines()[1:])
+    supervision.study(few, tmp_path, jobs, QUICK)
+    assert len(trainings) == 3
+
+
+def test_two_data_sets_may_share_a_table(few, trainings, tmp_path):
+    theirs = replace(few, eye="authors")
+    for samples in (few, theirs):
+        table = supervision.study(samples, tmp_path, [job(50)], QUICK)
+    assert len(trainings) == 2 and table["data"].tolist() == ["authors", "recording"]
 
 
 def test_a_stopped_study_keeps_what_was_finished_and_says_nothing_twice(
@@ -154,22 +310,22 @@ def test_a_stopped_study_keeps_what_was_finished_and_says_nothing_twice(
             raise KeyboardInterrupt
         real(path, rows, key)
 
-    monkeypatch.setattr(tables, "add", stop)
-    with pytest.raises(KeyboardInterrupt):
-        supervision.study(few, tmp_path, (10, 50), (0,), QUICK)
+    jobs = [job(10), job(50)]
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(tables, "add", stop)
+        supervision.study(few, tmp_path, jobs, QUICK)
     assert pd.read_csv(tmp_path / "supervision.csv")["share"].tolist() == [10]
-    monkeypatch.setattr(tables, "add", real)
-    supervision.study(few, tmp_path, (10, 50), (0,), QUICK)
-    assert [share for share, *_ in trainings] == [10, 50, 50]
+    supervision.study(few, tmp_path, jobs, QUICK)
+    assert [j.share for j in trainings] == [10, 50, 50]
     said = pd.read_csv(tmp_path / "supervision_sentences.csv")
     assert not said.duplicated([*KEY, "sample"]).any()
     assert said["share"].tolist() == [10] * 6 + [50] * 6
 
 
 def test_a_table_is_written_whole_or_stays_as_it_was(monkeypatch, tmp_path):
-    path = tmp_path / "new" / "table.csv"
+    path, key = tmp_path / "new" / "table.csv", ["share", "seed"]
     row = {"share": [10], "seed": [0], "score": [1.5]}
-    tables.add(path, pd.DataFrame(row), KEY)
+    tables.add(path, pd.DataFrame(row), key)
     before = path.read_text()
 
     def break_off(self, file, **options):
@@ -179,68 +335,40 @@ def test_a_table_is_written_whole_or_stays_as_it_was(monkeypatch, tmp_path):
     monkeypatch.setattr(pd.DataFrame, "to_csv", break_off)
     for name in ("table.csv", "other.csv"):
         with pytest.raises(KeyboardInterrupt):
-            tables.add(path.with_name(name), pd.DataFrame(row | {"share": [50]}), KEY)
+            tables.add(path.with_name(name), pd.DataFrame(row | {"share": [50]}), key)
     assert path.read_text() == before
     assert not path.with_name("other.csv").exists()
 
 
 def test_rows_of_the_same_training_are_replaced_and_others_kept_in_order(tmp_path):
-    path = tmp_path / "table.csv"
+    path, key = tmp_path / "table.csv", ["share", "seed"]
     for share, score in ((50, 1), (66.6, 2), (10, 3), (50.0, 4)):
         rows = {"share": [share] * 2, "seed": [0, 0], "said": ["a", "b"], "score": [score] * 2}
-        tables.add(path, pd.DataFrame(rows), KEY)
+        tables.add(path, pd.DataFrame(rows), key)
     found = pd.read_csv(path)
     assert found["share"].tolist() == [10, 10, 50, 50, 66.6, 66.6]
     assert found["score"].tolist() == [3, 3, 4, 4, 2, 2]
     assert found["said"].tolist() == ["a", "b"] * 3
     only = pd.DataFrame({"share": [1], "seed": [0], "score": [1]})
     for _ in range(2):
-        tables.add(tmp_path / "one.csv", only, KEY)
+        tables.add(tmp_path / "one.csv", only, key)
     assert len(pd.read_csv(tmp_path / "one.csv")) == 1
 
 
-def test_sentences_are_of_test_clips_and_are_judged(trained, few):
-    said = supervision.examples(trained, few, 10, 2)
-    assert said.columns.tolist() == ["share", "seed", "sample", "truth", "said", "right"]
-    assert len(said) == 6 and (said[KEY] == [10, 2]).all(axis=None)
-    assert set(said["sample"]) <= set(few.split("test").tolist())
-    assert said["sample"].is_unique and said["sample"].is_monotonic_increasing
-    for row in said.itertuples():
-        meaning = patterns()[few.pattern[row.sample]].meaning
-        assert parse(row.truth) == meaning
-        assert row.right == (row.said in alternatives(meaning))
-
-
-@pytest.mark.parametrize("share", [0, 101, -5])
-def test_a_share_that_does_not_exist_is_refused_before_anything_is_trained(
-    few, trainings, tmp_path, share
-):
-    with pytest.raises(ConfigError, match=f"a share of {share} % does not exist; it is above 0 to"):
-        supervision.study(few, tmp_path / "new", (10, share), (0,), QUICK)
-    assert trainings == [] and not (tmp_path / "new").exists()
-
-
-def test_the_command_runs_the_study(few, monkeypatch, capsys, tmp_path):
-    asked = {}
-
-    def study(samples, folder, shares, seeds, progress):
-        asked.update(folder=folder, shares=shares, seeds=seeds)
-        return pd.DataFrame({"share": shares})
-
-    monkeypatch.setattr(dataset, "load", lambda data: few)
-    monkeypatch.setattr(supervision, "study", study)
-    out = str(tmp_path / "results")
-    options = ["--shares", "2", "66.6", "--seeds", "0", "1", "--out", out, "--json"]
+def test_the_command_runs_the_study(few, trainings, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
+    monkeypatch.setattr(supervision, "RECIPES", {"ptae": QUICK})
+    options = ["--models", "ptae", "--shares", "2", "66.6", "--modes", "iterations",
+               "--variants", "paper", "--seeds", "3", "--out", str(tmp_path), "--json"]  # fmt: skip
     assert cli.main(["study", "supervision", *options]) == 0
-    assert asked == {"folder": out, "shares": [2, 66.6], "seeds": [0, 1]}
+    assert trainings == [job(2, 3, mode="iterations", variant="paper")]
     made = json.loads(capsys.readouterr().out)
-    assert made["rows"] == 2 and made["table"].endswith("supervision.csv")
+    assert made["rows"] == 1 and made["table"].endswith("supervision.csv")
+    assert cli.main(["study", "supervision", "--shares", "3", "--out", str(tmp_path)]) == 1
+    assert "no share 3.0; there are 1, 2, 5" in capsys.readouterr().err
 
 
-def test_tables_of_two_data_sets_are_not_mixed(few, trainings, tmp_path):
-    supervision.study(few, tmp_path, (50,), (0,), QUICK)
-    theirs = replace(few, eye="authors")
-    assert theirs.name == "authors"
-    with pytest.raises(ConfigError, match="is of another data set; choose another folder"):
-        supervision.study(theirs, tmp_path, (10,), (0,), QUICK)
-    assert len(trainings) == 1
+def test_without_the_extra_a_cluster_is_refused_in_one_sentence(few, monkeypatch, tmp_path):
+    monkeypatch.setitem(__import__("sys").modules, "distributed", None)
+    with pytest.raises(ConfigError, match="needs the package distributed, which is not installed"):
+        supervision.study(few, tmp_path, [job()], QUICK, cluster="tcp://127.0.0.1:1")

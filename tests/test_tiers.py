@@ -4,10 +4,8 @@ import pytest
 
 from ptae_lite import published, tiers
 from ptae_lite.errors import ConfigError
-from ptae_lite.evaluation import CHANCE
 from ptae_lite.signals import PTAE_SIGNALS
-from ptae_lite.studies import incongruence
-from ptae_lite.training import label
+from ptae_lite.studies import incongruence, supervision
 
 
 def test_replay_is_the_default(monkeypatch):
@@ -31,8 +29,9 @@ def test_an_unknown_tier_is_refused_with_those_there_are(monkeypatch, name):
 
 
 def claims():
-    for name in ("REGULAR", "PGAE", "DESCRIBE_BY_SAMPLES"):
-        for key, claim in getattr(published, name).items():
+    groups = {name: getattr(published, name) for name in ("REGULAR", "PGAE")}
+    for name, group in (groups | published.BY_SHARE).items():
+        for key, claim in group.items():
             yield pytest.param(claim, id=f"{name} {key}")
     for signal, numbers in published.CONFLICTS.items():
         for count, claim in numbers.items():
@@ -51,8 +50,18 @@ def test_the_papers_numbers():
         "describe_accuracy": 100, "repeat_language_accuracy": 100,
         "execute_nrmse": 0.99, "repeat_action_nrmse": 1.03,
     }  # fmt: skip
-    shares = {share: claim.value for share, claim in published.DESCRIBE_BY_SAMPLES.items()}
-    assert shares == {1: 33, 10: 81, 20: 100, 50: 100, 100: 100}
+    shares = {
+        key: {s: c.value for s, c in found.items()} for key, found in published.BY_SHARE.items()
+    }
+    assert shares == {
+        ("ptae", "describe_accuracy", "iterations"): dict.fromkeys((1, 2, 10, 20, 50, 66.6), 100),
+        ("pgae", "describe_accuracy", "iterations"): {1: 36, 20: 95},
+        ("ptae", "describe_accuracy", "samples"):
+            {1: 33, 10: 81, 20: 100, 50: 100, 66.6: 100, 100: 100},
+        ("pgae", "describe_accuracy", "samples"): {50: 80},
+        ("ptae", "execute_nrmse", "samples"): {1: 4, 100: 0.99},
+        ("pgae", "execute_nrmse", "samples"): {1: 14, 66.6: 8, 100: 0.5},
+    }  # fmt: skip
     conflicts = {
         signal: {count: claim.value for count, claim in numbers.items()}
         for signal, numbers in published.CONFLICTS.items()
@@ -68,5 +77,9 @@ def test_claims_are_of_things_that_can_be_measured_here(trained, few, samples):
 
     assert set(published.REGULAR) <= set(evaluate(trained, few))
     assert set(published.CONFLICTS) == set(incongruence.EXTRA_INPUT) == set(PTAE_SIGNALS)
-    for share, claim in published.DESCRIBE_BY_SAMPLES.items():
-        assert len(label(samples.split("train"), share, 0)) and claim.value > CHANCE
+    grid = {(job.model, job.mode, job.share) for job in supervision.grid()}
+    for (model, measure, mode), found in published.BY_SHARE.items():
+        assert measure in evaluate(trained, few)
+        for share in found:
+            regular = supervision.REGULAR[mode] == share
+            assert regular or (model, mode, share) in grid

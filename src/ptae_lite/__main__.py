@@ -138,11 +138,17 @@ def _supervision(options) -> dict:
     from ptae_lite import dataset
     from ptae_lite.studies import supervision
 
-    table = supervision.study(
-        dataset.load(options.data), options.out, options.shares, options.seeds or (0,),
-        progress=lambda jobs: bar(jobs, desc="trainings"),
+    samples = dataset.load(options.data, options.holdout)
+    jobs = supervision.select(
+        supervision.grid(options.seeds), model=options.models, mode=options.modes,
+        variant=options.variants, share=options.shares,
     )  # fmt: skip
-    return {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+    table = supervision.study(
+        samples, options.out, jobs, workers=options.workers, cluster=options.cluster,
+        progress=lambda results, total: bar(results, total=total, desc="trainings"),
+    )  # fmt: skip
+    made = {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
+    return made | _caution(samples)
 
 
 def _eyes(options) -> dict:
@@ -290,14 +296,20 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--data", default="recording",
                        help=DATA_HELP)  # fmt: skip
     study.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
-    study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
-                       help="supervision: labelled samples in percent")  # fmt: skip
+    study.add_argument("--shares", type=float, nargs="+", metavar="PERCENT",
+                       help="supervision: which shares of labels")  # fmt: skip
+    study.add_argument("--models", nargs="+", metavar="NAME", help="supervision: which models")
+    study.add_argument("--modes", nargs="+", metavar="NAME",
+                       help="supervision: samples, iterations")  # fmt: skip
     study.add_argument("--variants", nargs="+", metavar="NAME",
-                       help="family: which rows; incongruence: which models")  # fmt: skip
+                       help="family, supervision: which variants; incongruence: which "
+                            "models")  # fmt: skip
     study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
-    study.add_argument(
-        "--workers", type=whole_number(1), default=1, help="family: trainings side by side"
-    )
+    study.add_argument("--workers", type=whole_number(1), default=1,
+                       help="family, supervision: trainings side by side")  # fmt: skip
+    study.add_argument("--cluster", metavar="ADDRESS",
+                       help="supervision: a Dask scheduler whose workers do the trainings; on a "
+                            "trusted network only")  # fmt: skip
     study.add_argument("--weights", metavar="FOLDER",
                        help="family, incongruence: keep the trained models here; the latter does "
                             "not train what is there")  # fmt: skip

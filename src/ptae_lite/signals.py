@@ -52,11 +52,11 @@ class Mix:
     """The signals that a model is trained on; each group shares its part equally.
 
     `regular`: drawn with probability 1 - supervised, and with probability supervised.
-    `limited`: for samples without a label, and with one; None where that is not built.
+    `limited`: where few updates or few samples are supervised; the second group needs a label.
     """
 
     regular: tuple[tuple[str, ...], tuple[str, ...]]
-    limited: tuple[tuple[str, ...], tuple[str, ...]] | None
+    limited: tuple[tuple[str, ...], tuple[str, ...]]
 
 
 PTAE_MIX = Mix((UNSUPERVISED, SUPERVISED), (UNSUPERVISED, SUPERVISED))
@@ -82,13 +82,16 @@ class Batch:
     word_mask: Bool[Tensor, "B 4"]
     joints: Float[Tensor, "B 99 5"]  # action target, zero beyond the clip
     step_mask: Bool[Tensor, "B 99"]  # which steps of it count
+    # whose sentence and clip are known to belong together, for PVAE's binding; None: of all
+    paired: Bool[Tensor, " B"] | None = None
 
     def to(self, device) -> Batch:
         """The same on another device."""
-        return type(self)(**{name: value.to(device) for name, value in vars(self).items()})
+        there = {n: None if v is None else v.to(device) for n, v in vars(self).items()}
+        return type(self)(**there)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Blended(Batch):
     """A batch in which clips were blended in pairs (`blend`)."""
 
@@ -140,6 +143,7 @@ def build(
     alternative: Int[Tensor, " B"],
     hold: int = STEPS,
     extra: Bool[Tensor, " B"] | None = None,
+    told: Int[Tensor, " B"] | None = None,
 ) -> Batch:
     """Wire samples to signals by the table.
 
@@ -151,6 +155,7 @@ def build(
             language). Training may ask for few: there is nothing more to learn in the rest.
         extra: which samples are also given the input that their task could do without, and true:
             the whole sentence in the query, the moving clip as keys and values; none if None.
+        told: sample numbers whose sentences are used, where they are not the clips' own.
     """
     if not len(samples) == len(signals) == len(alternative):
         raise ConfigError("a batch needs as many signals and alternatives as samples")
@@ -165,7 +170,8 @@ def build(
     last = {"features": features[item, frames - 1], "joints": joints[item, frames - 1]}
 
     # query: the signal, then the whole sentence or EOS alone
-    sentence = source.sentences[source.meaning[samples], alternative]
+    told = samples if told is None else told
+    sentence = source.sentences[source.meaning[told], alternative]
     tokens = torch.cat([_SIGNAL_TOKEN[signals, None], sentence], dim=1)
     token_mask = torch.ones_like(tokens, dtype=torch.bool)
     extra = torch.zeros_like(signals, dtype=torch.bool) if extra is None else extra

@@ -7,7 +7,7 @@ that count as labelled ever take part in a supervised signal.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import lcm
 
 import numpy as np
@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from ptae_lite.dataset import HALF_WHITE, Samples, fit_scaling, prepare
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
-from ptae_lite.signals import PTAE_MIX, Mix, Source, blend, build, signal_number
+from ptae_lite.signals import PTAE_MIX, Source, blend, build, signal_number
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class Recipe:
     mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.blend`
     supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
     extra: float = 0.0  # ours; share of samples with a true extra input, see `signals.build`
+    balanced: bool = True  # ours, with few labels: they make half of each batch, see epoch_batches
+    unpaired: bool = False  # ours: a sentence to repeat comes with the scene of another sample
     exponent: float = HALF_WHITE  # ours, of the features' whitening, see `dataset.fit_scaling`
     seed: int = 0
 
@@ -63,9 +65,12 @@ RECIPES = {
 
 
 def draw_signals(
-    rng: np.random.Generator, count: int, supervised: float, groups=PTAE_MIX.regular
+    rng: np.random.Generator, count: int, supervised, groups=PTAE_MIX.regular
 ) -> Int[Tensor, " B"]:
-    """Signal numbers: of the second group with probability `supervised`, else of the first."""
+    """Signal numbers: of the second group with probability `supervised`, else of the first.
+
+    Given for each sample by itself, 0 and 1 say which group it must take.
+    """
     width = lcm(*map(len, groups))  # a group fills its row by repeating itself
     rows = [[signal_number(s) for s in group] * (width // len(group)) for group in groups]
     row = (rng.random(count) < supervised).astype(int)
@@ -82,19 +87,21 @@ def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
 
 
 def epoch_batches(
-    rng, train: np.ndarray, labelled: np.ndarray | None, recipe: Recipe, mix: Mix = PTAE_MIX
+    rng, train: np.ndarray, labelled: np.ndarray | None, recipe: Recipe, groups=PTAE_MIX.regular
 ):
     """Yield (samples, signals) of one epoch.
 
-    With all samples labelled, each appears once and draws any signal. Otherwise half of every
-    batch comes from the labelled list and takes signals that need a label, the other half from
-    the unlabelled samples, in turn, and takes the others.
+    Where all samples have a label (None), each appears once and draws any signal. Otherwise those
+    that have one take signals that need it, and the others take the others. Balanced, half of
+    every batch comes from the labelled list, and half from the others in turn. Not balanced, each
+    sample appears once, so that as few updates are supervised as samples are labelled.
     """
-    if labelled is None:
+    if labelled is None or not recipe.balanced:
         order = rng.permutation(train)
         for i in range(0, len(order) - recipe.batch + 1, recipe.batch):
             part = order[i : i + recipe.batch]
-            yield part, draw_signals(rng, len(part), recipe.supervised, mix.regular)
+            share = recipe.supervised if labelled is None else np.isin(part, labelled)
+            yield part, draw_signals(rng, len(part), share, groups)
         return
     unlabelled, taken = rng.permutation(np.setdiff1d(train, labelled)), 0
     for i in range(max(len(train) // recipe.batch, 1)):
@@ -103,10 +110,7 @@ def epoch_batches(
         rest = recipe.batch - half
         others = np.take(unlabelled, np.arange(taken, taken + rest), mode="wrap")
         taken += rest
-        signals = [
-            draw_signals(rng, count, share, mix.limited)
-            for count, share in ((half, 1.0), (rest, 0.0))
-        ]
+        signals = [draw_signals(rng, n, share, groups) for n, share in ((half, 1.0), (rest, 0.0))]
         yield np.concatenate([mine, others]), torch.cat(signals)
 
 
@@ -129,6 +133,7 @@ def train(
     config=None,
     split: str = "train",
     labelled: np.ndarray | None = None,
+    limited: bool = False,
     device: str = "cpu",
     on_epoch=lambda epoch, trained: None,
     progress=lambda epochs: epochs,
@@ -140,18 +145,22 @@ def train(
         model: `ptae`, `pgae`, `pvae` or `prae`.
         config: its sizes; the paper's if None.
         split: `train` for the final model; `fit` while settings are chosen on `held_out`.
-        labelled: sample numbers that supervised signals may use; all if None.
+        labelled: sample numbers that supervised signals may use; all if None. PVAE and PRAE bind
+            these samples' halves, and no others'.
+        limited: every sample has a label, but few updates use one (`recipe.supervised`); signals
+            are drawn as where few samples have a label, so PGAE's repeat both counts as supervised.
         device: where the arithmetic is done, such as `cuda`. Batches are drawn on the CPU, so that
             a seed draws the same everywhere; the model comes back to the CPU.
         on_epoch: called after each epoch with its number (from 1) and the model so far.
         progress: wraps the iterator over epochs (as `tqdm` does).
 
     What comes out carries, as `about["history"]`, the mean of each of the model's costs in each
-    epoch: language, action, and in PVAE and PRAE what binds the two halves.
+    epoch: language, action, and in PVAE and PRAE what binds the two halves; and as
+    `about["supervised_presentations"]` how often a sample was shown where its label counted.
 
     Raises:
         ConfigError: no such model, sizes of another one, no such device here, samples that do not
-            fill a batch, labelled samples from outside the split, or for PVAE or PRAE.
+            fill a batch, labelled samples from outside the split.
     """
     check_device(device)
     if model not in MODELS:
@@ -163,14 +172,15 @@ def train(
         recipe or RECIPES[model],
         config or make_config(features=samples.features.shape[2]),
     )
-    mix = config.mix
     indices = samples.split(split)
     if labelled is not None and len(np.setdiff1d(labelled, indices)):
         raise ConfigError(f"labelled samples must belong to the split {split!r}")
     if labelled is not None and len(labelled) == len(indices):
         labelled = None
-    if labelled is not None and mix.limited is None:
-        raise ConfigError(f"limited supervision of {model.upper()} is not built yet")
+    mix = config.mix.limited if limited or labelled is not None else config.mix.regular
+    need_label = np.array([signal_number(signal) for signal in config.mix.limited[1]])
+    with_label = indices if labelled is None else labelled
+    strangers = indices if labelled is None else np.setdiff1d(indices, labelled)
     torch.manual_seed(recipe.seed)
     rng = np.random.default_rng(recipe.seed)
     scaling = fit_scaling(samples, indices, recipe.exponent)
@@ -193,8 +203,9 @@ def train(
         "recipe": asdict(recipe),
         "split": split,
         "holdout": samples.holdout,
-        "labelled": len(indices) if labelled is None else len(labelled),
+        "labelled": len(with_label),
         "steps": steps,
+        "supervised_presentations": 0,
         "history": history,
     }
     trained = Trained(network, scaling, about)
@@ -205,7 +216,13 @@ def train(
         for part, signals in batches:
             alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
             extra = torch.from_numpy(rng.random(len(part)) < recipe.extra) if recipe.extra else None
-            batch = build(source, torch.from_numpy(part), signals, alternative, recipe.hold, extra)
+            told = _told(rng, part, signals, strangers) if recipe.unpaired else part
+            parts = (torch.from_numpy(part), signals, alternative, recipe.hold, extra)
+            batch = build(source, *parts, torch.from_numpy(told))
+            paired = np.isin(part, with_label)
+            if labelled is not None:
+                batch = replace(batch, paired=torch.from_numpy(paired))
+            about["supervised_presentations"] += int((np.isin(signals, need_label) & paired).sum())
             if recipe.mixup:
                 batch = blend(batch, *draw_partners(rng, signals))
             with torch.device(device):  # what a model makes itself belongs there, too
@@ -221,6 +238,12 @@ def train(
         on_epoch(epoch, trained)
     network.to("cpu").eval()
     return trained
+
+
+def _told(rng, part: np.ndarray, signals: Tensor, strangers: np.ndarray) -> np.ndarray:
+    """Whose sentence each sample is given: its own, but to repeat language any of `strangers`."""
+    repeats = signals.numpy() == signal_number("repeat language")
+    return np.where(repeats, rng.choice(strangers, len(part)), part)
 
 
 def check_device(device: str) -> None:

@@ -118,7 +118,7 @@ class Panel:
         """The frame for these values as HTML, the same with and without a kernel."""
         key = self._positions(values)
         if key not in self._faces:
-            self._faces[key] = _as_html(self.frame(**values), self.description(**values))
+            self._faces[key] = as_html(self.frame(**values), self.description(**values))
         return self._faces[key]
 
     def description(self, **values) -> str:
@@ -215,7 +215,8 @@ class Panel:
         return f"Panel({self.label!r}, {start})"
 
 
-def _as_html(made: Any, description: str) -> str:
+def as_html(made: Any, description: str) -> str:
+    """A figure with what it shows in words, a text, or what can show itself."""
     if isinstance(made, Figure):
         picture = base64.b64encode(_saved(made, "svg")).decode("ascii")
         return (

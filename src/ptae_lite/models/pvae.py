@@ -64,8 +64,9 @@ class PVAEConfig:
 
     @property
     def mix(self) -> Mix:
-        """The signals it is trained on: it sees both halves of a pair, and repeats each."""
-        return Mix(regular=(("repeat both",), ("repeat both",)), limited=None)
+        """The signals it is trained on: it repeats both halves, and is bound where they pair."""
+        both = (("repeat both",), ("repeat both",))
+        return Mix(regular=both, limited=both)
 
 
 @dataclass(frozen=True)
@@ -165,11 +166,18 @@ class PVAE(nn.Module):
         return self.decode(batch, to_say, to_do, self.action(to_do, batch.video, batch.start))
 
     def costs(self, batch: Batch) -> tuple[Tensor, ...]:
-        """Language and action loss of repeating both, and what binds and spreads the codes."""
+        """Language and action loss of repeating both, and what binds and spreads the codes.
+
+        Only samples that are `paired` are bound. The halves share nothing else, so a clip and a
+        sentence of the others might as well be strangers.
+        """
         c, codes = self.config, self.encode(batch, fast.summarise)
         to_say, to_do = (self.draw(code) for code in codes)
         answer = self.decode(batch, to_say, to_do, fast.act(self.action, to_do, batch))
-        bound = c.binding * binding(codes[0].mean, codes[1].mean, c.margin)
+        said, done = (code.mean for code in codes)
+        if batch.paired is not None:
+            said, done = said[batch.paired], done[batch.paired]
+        bound = c.binding * binding(said, done, c.margin) if len(said) else said.sum()
         if c.variational:
             bound = bound + c.divergence * sum(divergence(code) for code in codes)
         return *losses(answer, batch), bound

@@ -7,7 +7,11 @@ from pathlib import Path
 
 import pandas as pd
 import torch
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, parallel_config
+
+from ptae_lite.errors import ConfigError
+
+PATIENCE_S = 10  # for a scheduler to answer
 
 
 def read(path: Path, key: list[str]) -> pd.DataFrame:
@@ -42,19 +46,36 @@ def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
     return pd.MultiIndex.from_frame(keys.where(keys.notna(), ""))
 
 
-def run(work: Callable, jobs: list, keep: Callable, workers: int, progress: Callable) -> None:
+def run(work: Callable, jobs: list, keep: Callable, workers: int = 1,
+        progress: Callable = lambda results, total: results,
+        cluster: str | None = None) -> None:  # fmt: skip
     """Do `work(*job)` for each job, and `keep` each result as it comes.
 
     Args:
         keep: called here, one result after the other, so that it may write to a table.
         workers: trainings side by side, each in its own process with one thread.
         progress: wraps the results (as `tqdm` does); told `total`.
+        cluster: address of a Dask scheduler, as `tcp://HOST:PORT`, whose workers have this package;
+            `workers` then does not count. Workers run whatever the scheduler's clients send them,
+            so both belong on a trusted network.
+
+    Raises:
+        ConfigError: the extra `cluster` is not installed, or nothing answers at the address.
     """
-    if workers == 1:
-        results: Iterable = (work(*job) for job in jobs)
-    else:
-        pool = Parallel(n_jobs=workers, return_as="generator_unordered")
-        results = pool(delayed(_alone)(work, job) for job in jobs)
+    if cluster is not None:
+        _reach(cluster)
+        with parallel_config("dask", scheduler_host=cluster):
+            return _collect(_side_by_side(work, jobs, -1), jobs, keep, progress)
+    one = (work(*job) for job in jobs)
+    _collect(one if workers == 1 else _side_by_side(work, jobs, workers), jobs, keep, progress)
+
+
+def _side_by_side(work: Callable, jobs: list, workers: int) -> Iterable:
+    pool = Parallel(n_jobs=workers, return_as="generator_unordered", batch_size=1)
+    return pool(delayed(_alone)(work, job) for job in jobs)
+
+
+def _collect(results: Iterable, jobs: list, keep: Callable, progress: Callable) -> None:
     for result in progress(results, total=len(jobs)):
         keep(result)
 
@@ -62,3 +83,21 @@ def run(work: Callable, jobs: list, keep: Callable, workers: int, progress: Call
 def _alone(work: Callable, job: tuple):
     torch.set_num_threads(1)
     return work(*job)
+
+
+def _reach(address: str) -> None:
+    """Refuse what no scheduler answers at."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ConfigError(
+            "a cluster needs the package distributed, which is not installed; "
+            "install it with: pip install -e '.[cluster]'"
+        ) from None
+    try:
+        Client(address, timeout=PATIENCE_S, set_as_default=False).close()
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"no Dask scheduler answers at {address!r} ({error}); start one with `dask scheduler` "
+            "and give its address, such as tcp://127.0.0.1:8786"
+        ) from None

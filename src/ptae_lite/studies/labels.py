@@ -1,0 +1,48 @@
+"""Which samples get a label, and what a weighted sum learns from the same labels."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Int
+
+from ptae_lite.dataset import Samples
+from ptae_lite.evaluation import linear_describe
+from ptae_lite.language import Meaning, patterns, words_of
+from ptae_lite.training import label
+
+
+def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.ndarray, " M"]:
+    """As many labelled samples as `label` draws, chosen so that every word is named evenly.
+
+    One after the other: of the samples whose words were named least so far, any one; a word of a
+    large class counts more, so the first six name all six colours. Synonyms are one word.
+    """
+    count = len(label(train, share_percent, seed))
+    left = np.random.default_rng([9, seed]).permutation(train)
+    words = [word for kind in Meaning._fields for word in words_of(kind)]
+    weight = np.concatenate([[len(words_of(k))] * len(words_of(k)) for k in Meaning._fields])
+    said = np.array([[word in _meaning(samples, i) for word in words] for i in left])
+    named, chosen = np.zeros(len(words)), []
+    while len(chosen) < count:
+        costs = said @ (named * weight)
+        costs[chosen] = np.inf
+        chosen.append(int(np.argmin(costs)))
+        named += said[chosen[-1]]
+    return np.sort(left[chosen])
+
+
+def linear_scores(samples: Samples, labelled, split: str = "test") -> dict[str, float]:
+    """Percent of a split that `evaluation.linear_describe` says right, and of each word."""
+    indices = samples.split(split)
+    said = linear_describe(samples, labelled, indices)
+    pairs = [(a, _meaning(samples, i)) for a, i in zip(said, indices, strict=True)]
+    words = {
+        f"{kind}_accuracy": np.mean([a[k] == b[k] for a, b in pairs])
+        for k, kind in enumerate(Meaning._fields)
+    }
+    right = {"describe_accuracy": np.mean([a == b for a, b in pairs])}
+    return {name: round(100 * float(value), 3) for name, value in (right | words).items()}
+
+
+def _meaning(samples: Samples, i) -> Meaning:
+    return patterns()[samples.pattern[i]].meaning

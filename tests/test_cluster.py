@@ -1,0 +1,54 @@
+"""A study on a cluster: a scheduler here, bound to this machine alone, gives the serial rows."""
+
+import warnings
+
+import pandas as pd
+import pytest
+
+from ptae_lite.errors import ConfigError
+from ptae_lite.studies import supervision, tables
+from ptae_lite.studies.supervision import Job
+from ptae_lite.training import Recipe
+
+distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+JOBS = [Job("ptae", "samples", "balanced", share, 0) for share in (50, 25)]
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of Dask about itself
+        with distributed.LocalCluster(
+            host="127.0.0.1", n_workers=1, threads_per_worker=1, dashboard_address=None,
+            worker_dashboard_address=None,
+        ) as made:  # fmt: skip
+            yield made
+
+
+def test_it_listens_on_this_machine_alone(cluster):
+    addresses = [cluster.scheduler_address, *cluster.scheduler_info["workers"]]
+    assert all(address.startswith("tcp://127.0.0.1:") for address in addresses)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_gives_the_rows_that_one_process_gives(cluster, few, tmp_path):
+    recipe, made = Recipe(epochs=1, batch=8), []
+    for name, where in (("serial", {}), ("dask", {"cluster": cluster.scheduler_address})):
+        totals = []
+        table = supervision.study(
+            few, tmp_path / name, JOBS, recipe,
+            progress=lambda results, total, seen=totals: seen.append(total) or results, **where,
+        )  # fmt: skip
+        assert totals == [2]
+        made.append(table.drop(columns="seconds"))
+    pd.testing.assert_frame_equal(*made)
+    said = [(tmp_path / n / "supervision_sentences.csv").read_text() for n in ("serial", "dask")]
+    assert said[0] == said[1]
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nowhere", ""])
+def test_an_address_where_no_scheduler_answers_is_refused(address, monkeypatch):
+    monkeypatch.setattr(tables, "PATIENCE_S", 1)
+    with pytest.raises(ConfigError, match="no Dask scheduler answers at"):
+        tables.run(divmod, [(7, 2)], print, cluster=address)
