@@ -15,10 +15,10 @@ import torch
 from jaxtyping import Int
 from torch import Tensor, nn
 
-from ptae_lite.dataset import HALF_WHITE, Samples, fit_scaling, prepare
+from ptae_lite.dataset import HALF_WHITE, Samples, Scaling, fit_scaling, prepare
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
-from ptae_lite.signals import PTAE_MIX, Mix, Source, blend, build, signal_number
+from ptae_lite.signals import PTAE_MIX, Mix, Source, blend, build, refilm, signal_number
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,18 @@ def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
     return torch.from_numpy(share.astype(np.float32)), torch.from_numpy(partner)
 
 
+def draw_films(rng: np.random.Generator, part, films: dict, scaling: Scaling) -> dict[int, Tensor]:
+    """For places in the batch `part`: another film than the recorded one, if that is drawn."""
+    drawn = {}
+    for place, sample in enumerate(part):
+        others = films.get(int(sample), ())
+        which = rng.integers(0, len(others) + 1)
+        if which:
+            film = scaling.features(others[which - 1]).astype(np.float32)
+            drawn[place] = torch.from_numpy(film)
+    return drawn
+
+
 def epoch_batches(
     rng, train: np.ndarray, labelled: np.ndarray | None, recipe: Recipe, mix: Mix = PTAE_MIX
 ):
@@ -126,6 +138,7 @@ def train(
     config=None,
     split: str = "train",
     labelled: np.ndarray | None = None,
+    films: dict[int, list[np.ndarray]] | None = None,
     device: str = "cpu",
     on_epoch=lambda epoch, trained: None,
     progress=lambda epochs: epochs,
@@ -138,6 +151,9 @@ def train(
         config: its sizes; the paper's if None.
         split: `train` for the final model; `fit` while settings are chosen on `held_out`.
         labelled: sample numbers that supervised signals may use; all if None.
+        films: of some samples (by their numbers), what was seen when their sentence was executed
+            otherwise than recorded: features (99, F) before scaling. Execute is then trained with
+            one of a sample's films, the recorded one among them, each as likely.
         device: where the arithmetic is done, such as `cuda`. Batches are drawn on the CPU, so that
             a seed draws the same everywhere; the model comes back to the CPU.
         on_epoch: called after each epoch with its number (from 1) and the model so far.
@@ -202,6 +218,8 @@ def train(
         for part, signals in batches:
             alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
             batch = build(source, torch.from_numpy(part), signals, alternative, recipe.hold)
+            if films:
+                batch = refilm(batch, draw_films(rng, part, films, scaling))
             if recipe.mixup:
                 batch = blend(batch, *draw_partners(rng, signals))
             with torch.device(device):  # what a model makes itself belongs there, too
