@@ -47,16 +47,21 @@ def plan_of(p, variation):
 def test_a_replayed_plan_does_what_was_asked(simulator, index):
     p = pattern(index)
     stage = closed_loop.stage_of(p, 2)
-    seen = []
-    made = closed_loop.perform(stage, closed_loop.replay(plan_of(p, 2)), see=seen.append)
+    seen, recorded = [], closed_loop.replay(plan_of(p, 2))
+
+    def watching(look, joints_rad):
+        seen.append(look())
+        return recorded(look, joints_rad)
+
+    made = closed_loop.perform(stage, watching)
     assert judge(made, p.action, p.side, p.speed).success
-    assert made.stopped == "home" and len(seen) == len(made.joints_rad)
+    assert made.stopped == "home" and len(seen) == len(made.joints_rad) - 1
     assert seen[0].shape == (120, 160, 3) and (seen[0] != seen[30]).any()
 
 
 def test_an_arm_that_never_moves_is_stopped(simulator):
     p = pattern(0)
-    made = closed_loop.perform(closed_loop.stage_of(p, 0), lambda image, joints: inverse.home_rad(),
+    made = closed_loop.perform(closed_loop.stage_of(p, 0), lambda look, joints: inverse.home_rad(),
                                limit=8)  # fmt: skip
     assert made.stopped == "limit" and len(made.joints_rad) == 8
     assert not judge(made, p.action, p.side, p.speed).success
@@ -64,7 +69,7 @@ def test_an_arm_that_never_moves_is_stopped(simulator):
 
 def test_a_wish_past_a_joint_limit_ends_the_episode(simulator):
     p = pattern(0)
-    made = closed_loop.perform(closed_loop.stage_of(p, 0), lambda image, joints: joints + 9)
+    made = closed_loop.perform(closed_loop.stage_of(p, 0), lambda look, joints: joints + 9)
     assert made.stopped == "joint" and len(made.joints_rad) == 1
 
 
@@ -78,7 +83,7 @@ def actor(trained, text, films=None):
     if films is None:
         return who
     film = iter(films)
-    return lambda image, joints: who(next(film), joints)
+    return lambda look, joints: who(lambda: next(film), joints)
 
 
 def test_the_camera_steers_the_arm(simulator, trained):

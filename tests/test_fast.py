@@ -46,7 +46,9 @@ def assert_same(model, batch, readable, unseen=()):
         assert torch.allclose(slope, gradients[name], rtol=1e-8, atol=1e-12), name
 
 
-@pytest.mark.parametrize("choices", [{}, {"decoder_layers": 1}, {"reminded": True, "padded": False}])
+@pytest.mark.parametrize(
+    "choices", [{}, {"decoder_layers": 1}, {"reminded": True, "padded": False}]
+)
 def test_a_fast_ptae_equals_the_readable_one(mixed, choices):
     sizes = {"hidden": 32, "feed_forward": 64, "decoder_units": 24}
     model = make("ptae", dropout=0.0, **sizes | choices)  # chance would tell the two apart

@@ -16,25 +16,28 @@ from ptae_lite.vision import encode_images
 class Actor:
     """A PTAE that executes a sentence; one for each episode.
 
-    Call it with an image and the measured joints (radians): it answers the joints to go to. The
-    first call is its look at the scene, which together with the sentence makes the code. The clip's
-    length is not known to it: the still first frame has all 100 places.
+    Call it with the camera and the measured joints (radians): it answers the joints to go to. Its
+    first look at the scene, together with the sentence, makes the code. The clip's length is not
+    known to it: the still first frame has all 100 places.
 
     Args:
         sentence: a whole sentence, or None: the words are blanked.
+        watch: look at every frame, also where the model takes only the first.
     """
 
-    def __init__(self, trained: Trained, eye: nn.Module, sentence: str | None):
+    def __init__(self, trained: Trained, eye: nn.Module, sentence: str | None, watch=False):
         self.trained, self.eye = trained, eye
+        self.watch = watch or trained.model.config.film == "clip"
         tokens = [signal_index("execute"), *(encode(sentence) if sentence else [EOS] * 5)]
         self.tokens = torch.tensor([tokens])
         self.states: list | None = None
-        self.looks: list[np.ndarray] = []  # features of the images seen so far, unscaled
+        self.looks: list[np.ndarray] = []  # features of the images looked at so far, unscaled
 
     @torch.no_grad()
-    def __call__(self, image, joints_rad) -> np.ndarray:
+    def __call__(self, look, joints_rad) -> np.ndarray:
         model, scaling = self.trained.model, self.trained.scaling
-        self.looks.append(encode_images(self.eye, image[None])[0])
+        if self.watch or not self.looks:
+            self.looks.append(encode_images(self.eye, look()[None])[0])
         seen = _row(scaling.features(self.looks[-1]))
         pose = _row(scaling.joints(np.asarray(joints_rad, dtype=np.float32)))
         if self.states is None:

@@ -1,7 +1,8 @@
 """Acting in the simulated scene, frame by frame, and whether the cube went where it was to go.
 
-Whoever acts gets a picture and the measured joints, and answers with the joints to go to. The motors
-do it through physics, cubes move when touched, and the next picture shows what came of it.
+Whoever acts may look through the camera, gets the measured joints, and answers with the joints to go
+to. The motors do it through physics, cubes move when touched, and the next look shows what came of
+it.
 
 Nobody says how long to act. An episode ends when the arm has been away and has come to rest at home
 again, or after `LIMIT` frames.
@@ -17,7 +18,7 @@ from jaxtyping import Float
 
 from ptae_lite.errors import RobotError
 from ptae_lite.language import SIDES
-from ptae_lite.robot import arm, inverse, motions
+from ptae_lite.robot import inverse, motions
 from ptae_lite.robot.scene import NOMINAL_PLACES_M, Scene
 
 LIMIT = 130  # frames; the slow motion takes 100
@@ -26,7 +27,8 @@ AT_REST = 3  # frames at home in a row
 SLOW_FROM = 75  # frames: in the middle between the fast motion's 50 and the slow one's 100
 TRAVEL_MM, OTHER_MM = 40.0, 10.0  # what the named cube must do, and the other must not
 
-Act = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Look = Callable[[], np.ndarray]  # the camera's image now, (120, 160, 3) uint8
+Act = Callable[[Look, np.ndarray], np.ndarray]
 
 
 class Stage(NamedTuple):
@@ -61,17 +63,14 @@ def stage_of(pattern, variation: int) -> Stage:
     return Stage((pattern.left, pattern.right), drawn.places_m, drawn.yaws_rad)
 
 
-def perform(stage: Stage, act: Act, limit: int = LIMIT, see=lambda image: None) -> Episode:
-    """Let `act(image, joints_rad)` move the arm in a fresh scene until it is done.
+def perform(stage: Stage, act: Act, limit: int = LIMIT) -> Episode:
+    """Let `act(look, joints_rad)` move the arm in a fresh scene until it is done.
 
-    Args:
-        see: called with each image (120, 160, 3), for a film.
+    An image takes most of a frame's time to compute, so it is made only for one who looks.
     """
     joints, cubes, stopped, rest, left = [], [], "limit", 0, False
     with Scene(*stage) as world:
         for frame in range(limit):
-            image = world.image()
-            see(image)
             joints.append(world.joints_rad())
             cubes.append(world.cubes())
             off = np.abs(joints[-1] - inverse.home_rad()).max()
@@ -83,7 +82,7 @@ def perform(stage: Stage, act: Act, limit: int = LIMIT, see=lambda image: None) 
             if frame == limit - 1:
                 break
             try:
-                world.drive(act(image, joints[-1]))
+                world.drive(act(world.image, joints[-1]))
             except RobotError:
                 stopped = "joint"
                 break
@@ -94,7 +93,7 @@ def replay(joints_rad: Float[np.ndarray, "T 5"]) -> Act:
     """Acts out recorded joints and looks at nothing; then it stays where it is."""
     rows = iter(joints_rad[1:])
     last = joints_rad[-1]
-    return lambda image, joints: next(rows, last)
+    return lambda look, joints_rad: next(rows, last)
 
 
 def judge(episode: Episode, action: str, side: str, speed: str) -> Verdict:

@@ -1,0 +1,284 @@
+"""The closed loop: told a sentence, does the arm do it? An episode in, a row of a table out.
+
+`MODELS` says who acts and how it was trained, `CONDITIONS` where and on what word. Models are
+trained on recorded training samples. `aggregated` was trained on what it saw in its own episodes, too,
+in scenes of the training samples, held against the recorded motion of that scene (data aggregation,
+Ross et al. 2011: https://proceedings.mlr.press/v15/ross11a.html).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from ptae_lite import artefacts, vision
+from ptae_lite.acting import Actor
+from ptae_lite.dataset import MAX_FRAMES, Samples
+from ptae_lite.errors import ConfigError
+from ptae_lite.evaluation import alternatives_for, respond, sentences
+from ptae_lite.language import COLOURS, Pattern, pattern, sentence
+from ptae_lite.models import checkpoint
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.models.ptae import PTAEConfig
+from ptae_lite.robot import closed_loop
+from ptae_lite.robot.closed_loop import Episode, Stage, Verdict
+from ptae_lite.robot.motions import PLACE_JITTER_M, VARIATIONS
+from ptae_lite.robot.scene import NOMINAL_PLACES_M, pybullet
+from ptae_lite.signals import STEPS, Source
+from ptae_lite.studies import tables
+from ptae_lite.training import RECIPES, train
+
+KEY = ["model", "seed", "condition"]
+LOOP = {"padded": False, "reminded": True}  # the sentence must tell the speed, and is not forgotten
+MODELS: dict[str, dict] = {
+    "ptae": {},  # as the paper trains it
+    "first frame": {"film": "first"},
+    "open eyes": LOOP,
+    "noise": LOOP,  # on the features of the film
+    "aggregated": LOOP,
+    "blind": LOOP | {"film": "first"},
+}
+NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
+FILMS = 2  # noisy ones for each sample
+DISPLACED_M = 2 * PLACE_JITTER_M  # from the middle of the places that training knows
+
+
+class Task(NamedTuple):
+    """One episode to be acted out: the stage, the words, and what would be right."""
+
+    sample: int  # its number, or that of the sample it was derived from
+    stage: Stage
+    told: str | None
+    asked: Pattern  # whose action, side and speed count
+
+
+def told_in(samples: Samples, indices) -> list[Task]:
+    """Samples of the data set in their own scenes, each with one of its eight sentences."""
+    alternative, tasks = alternatives_for(len(samples.frames)).tolist(), []
+    for i in map(int, indices):
+        asked = pattern(int(samples.pattern[i]))
+        stage = closed_loop.stage_of(asked, int(samples.variation[i]))
+        tasks.append(Task(i, stage, sentence(asked.meaning, alternative[i]), asked))
+    return tasks
+
+
+def as_recorded(tasks: list[Task]) -> list[Task]:
+    return tasks
+
+
+def first_two(tasks: list[Task]) -> list[Task]:
+    """Two samples of each pattern: enough for the questions beside the main one."""
+    return [task for i, task in enumerate(tasks) if i % VARIATIONS < 2]
+
+
+def blank(tasks: list[Task]) -> list[Task]:
+    return [task._replace(told=None) for task in tasks]
+
+
+def synonyms(tasks: list[Task]) -> list[Task]:
+    return [task._replace(told=sentence(task.asked.meaning, 7)) for task in tasks]
+
+
+def swapped_speed(tasks: list[Task]) -> list[Task]:
+    """*Fast* for *slowly* and the reverse, in the same scene; the sentence says what is right."""
+    other = {"slowly": "fast", "fast": "slowly"}
+    return [
+        task._replace(asked=replace(task.asked, speed=other[task.asked.speed]),
+                      told=sentence(task.asked.meaning._replace(speed=other[task.asked.speed])))
+        for task in tasks
+    ]  # fmt: skip
+
+
+def new_family(tasks: list[Task]) -> list[Task]:
+    """The cube that is not named has a colour of the other family: red meets yellow."""
+    made = []
+    for task in tasks:
+        colours = [
+            colour if colour == task.asked.meaning.colour
+            else COLOURS[(COLOURS.index(colour) + 3) % len(COLOURS)]
+            for colour in task.stage.colours
+        ]  # fmt: skip
+        made.append(task._replace(stage=task.stage._replace(colours=tuple(colours))))
+    return made
+
+
+def displaced(tasks: list[Task]) -> list[Task]:
+    """Both cubes stand twice as far off the middle as training ever shows, in any direction."""
+    made = []
+    for task in tasks:
+        angle = np.random.default_rng([45, task.sample]).uniform(0, 2 * np.pi, 2)
+        off = DISPLACED_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        places = np.array(NOMINAL_PLACES_M) + off
+        made.append(task._replace(stage=task.stage._replace(places_m=places)))
+    return made
+
+
+def absent_colour(tasks: list[Task]) -> list[Task]:
+    """The sentence names a colour of the same family that is not on the table."""
+    made = []
+    for task in tasks:
+        start = COLOURS.index(task.asked.meaning.colour) // 3 * 3
+        (colour,) = set(COLOURS[start : start + 3]) - set(task.stage.colours)
+        made.append(task._replace(told=sentence(task.asked.meaning._replace(colour=colour))))
+    return made
+
+
+# What is asked of all test samples, and what of two of each pattern.
+CONDITIONS: dict[str, Callable[[list[Task]], list[Task]]] = {
+    "replay": as_recorded, "test": as_recorded, "blank": blank,
+    "swapped_speed": swapped_speed, "synonyms": synonyms, "new_family": new_family,
+    "displaced": displaced, "absent_colour": absent_colour,
+}  # fmt: skip
+OF_ALL = ("replay", "test", "blank")
+REPLAY = "recorded joints"  # the model that is none
+
+
+def run_one(samples: Samples, weights: Path | None, model: str, seed: int, condition: str,
+            split: str = "test") -> pd.DataFrame:  # fmt: skip
+    """All episodes of one model under one condition: a row each.
+
+    Without `weights` the recorded joints are replayed. Under `test` the model then describes what it
+    saw of its own act: there and back.
+    """
+    tasks = told_in(samples, samples.split(split))
+    tasks = CONDITIONS[condition](tasks if condition in OF_ALL else first_two(tasks))
+    trained = None if weights is None else checkpoint.load(weights)
+    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    rows, clips = [], []
+    for task in tasks:
+        asked, watch = task.asked, condition == "test"
+        if trained is None:
+            joints = samples.joints[task.sample, : samples.frames[task.sample]]
+            episode = closed_loop.perform(task.stage, closed_loop.replay(joints))
+        else:
+            actor = Actor(trained, eye, task.told, watch=watch)
+            episode = closed_loop.perform(task.stage, actor)
+            clips.append((task, actor.looks, episode.joints_rad))
+        verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
+        head = {"model": model, "seed": seed, "condition": condition, "pattern": asked.index,
+                "variation": int(samples.variation[task.sample])}  # fmt: skip
+        rows.append(head | row_of(task, episode, verdict))
+    table = pd.DataFrame(rows)
+    if condition == "test":
+        table["described"] = describe(trained, samples, clips)
+    return table
+
+
+def row_of(task: Task, episode: Episode, verdict: Verdict) -> dict:
+    """What the table says of an episode; ways in mm, durations in frames."""
+    moved = 1000 * np.linalg.norm(episode.cubes[-1, :, :2] - episode.cubes[0, :, :2], axis=1)
+    return {
+        "colours": " ".join(task.stage.colours), "sentence": task.told or "",
+        "action": task.asked.action, "side": task.asked.side, "speed": task.asked.speed,
+        "named_mm": round(verdict.named_mm, 1), "left_mm": round(float(moved[0]), 1),
+        "right_mm": round(float(moved[1]), 1), "duration": verdict.frames,
+        "success": int(verdict.success), "reason": verdict.reason,
+    }  # fmt: skip
+
+
+def describe(trained: Trained, samples: Samples, clips: list) -> list[str]:
+    """What a model says of its own acts: of (task, features of each frame, joints) a sentence."""
+    frames = np.array([min(len(looks), MAX_FRAMES) for _, looks, _ in clips])
+    features = np.zeros((len(clips), MAX_FRAMES, samples.features.shape[2]), dtype=np.float32)
+    joints = np.zeros((len(clips), MAX_FRAMES, samples.joints.shape[2]), dtype=np.float32)
+    for i, (_, looks, moved) in enumerate(clips):
+        features[i, : frames[i]] = looks[: frames[i]]
+        joints[i, : frames[i]] = moved[: frames[i]]
+    acted = replace(
+        samples, features=features, joints=joints, frames=frames, cubes=None, touched=None,
+        pattern=np.array([task.asked.index for task, *_ in clips]),
+        variation=np.zeros(len(clips), dtype=int),
+    )  # fmt: skip
+    source = Source(trained.dataset(acted))
+    return sentences(respond(trained, source, np.arange(len(clips)), "describe"))
+
+
+def seen_in_own_episodes(trained: Trained, samples: Samples, indices) -> dict[int, np.ndarray]:
+    """What the model's camera saw in its own episodes with samples: features (99, F) of each."""
+    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    films = {}
+    for task in told_in(samples, indices):
+        actor = Actor(trained, eye, task.told)
+        closed_loop.perform(task.stage, actor, limit=int(samples.frames[task.sample]) + 1)
+        seen = np.stack(actor.looks)[:STEPS]
+        rest = np.repeat(seen[-1:], STEPS - len(seen), axis=0)
+        films[task.sample] = np.concatenate([seen, rest])
+    return films
+
+
+def noisy_films(samples: Samples, indices, seed: int) -> dict[int, list[np.ndarray]]:
+    """Recorded films with noise on the features, `FILMS` for each sample."""
+    rng, films = np.random.default_rng([46, seed]), samples.features[:, :STEPS]
+    spread = films[indices].std((0, 1))
+    return {
+        i: [films[i] + NOISE * spread * rng.standard_normal(films[i].shape) for _ in range(FILMS)]
+        for i in map(int, indices)
+    }
+
+
+def make(samples: Samples, model: str, seed: int, split: str = "train",
+         base: Trained | None = None) -> Trained:  # fmt: skip
+    """Train one of `MODELS`. `base` is the `open eyes` model whose episodes `aggregated` takes."""
+    if model not in MODELS:
+        raise ConfigError(f"no model {model!r}; there are {', '.join(MODELS)}")
+    indices = samples.split(split)
+    films = None
+    if model == "noise":
+        films = noisy_films(samples, indices, seed)
+    elif model == "aggregated":
+        base = base or make(samples, "open eyes", seed, split)
+        seen = seen_in_own_episodes(base, samples, indices[seed % 2 :: 2])
+        films = {i: [film] for i, film in seen.items()}
+    config = PTAEConfig(features=samples.features.shape[2], **MODELS[model])
+    recipe = replace(RECIPES["ptae"], seed=seed)
+    return train(samples, recipe, config=config, split=split, films=films)
+
+
+def weights_of(folder, model: str, seed: int) -> Path:
+    """Where a model of this study lies."""
+    name = "ptae" if model == "ptae" else f"ptae_{model.replace(' ', '_')}"
+    return Path(folder) / f"{name}_seed{seed}.safetensors"
+
+
+def make_one(samples: Samples, folder, model: str, seed: int) -> None:
+    base = None
+    if model == "aggregated":
+        base = checkpoint.load(weights_of(folder, "open eyes", seed))
+    checkpoint.save(weights_of(folder, model, seed), make(samples, model, seed, base=base))
+
+
+def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 2),
+          conditions=tuple(CONDITIONS), workers: int = 1,
+          progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
+    """Train what is missing in the folder `weights`, then act out what is missing in
+    `closed_loop.csv`; the episodes of a model under a condition are written when they are done.
+    """
+    for names, there, what in ((models, MODELS, "model"), (conditions, CONDITIONS, "condition")):
+        for name in names:
+            if name not in there:
+                raise ConfigError(f"no {what} {name!r}; there are {'; '.join(there)}")
+    pybullet()  # fail here, not after the trainings
+    table, done = (
+        Path(folder) / "closed_loop.csv",
+        tables.there(Path(folder) / "closed_loop.csv", KEY),
+    )
+    wanted = [(model, seed, c) for seed in seeds for model in models for c in conditions
+              if c != "replay"]  # fmt: skip
+    wanted = [job for job in wanted if job not in done]
+    needed = dict.fromkeys(job[:2] for job in wanted)
+    first = dict.fromkeys(("open eyes" if m == "aggregated" else m, seed) for m, seed in needed)
+    for group in (first, needed):  # episodes of `open eyes` come before `aggregated`
+        missing = [
+            (samples, weights, *job) for job in group if not weights_of(weights, *job).exists()
+        ]
+        tables.run(make_one, missing, lambda _: None, workers, progress)
+    jobs = [(samples, weights_of(weights, *job[:2]), *job) for job in wanted]
+    if "replay" in conditions and (REPLAY, 0, "replay") not in done:
+        jobs.insert(0, (samples, None, REPLAY, 0, "replay"))
+    tables.run(run_one, jobs, lambda rows: tables.add(table, rows, KEY), workers, progress)
+    return pd.read_csv(table)
