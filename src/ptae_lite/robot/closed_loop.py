@@ -1,8 +1,8 @@
 """Acting in the simulated scene, frame by frame, and whether the cube went where it was to go.
 
-Whoever acts may look through the camera, gets the measured joints, and answers with the joints to go
-to. The motors do it through physics, cubes move when touched, and the next look shows what came of
-it.
+Whoever acts may look through the camera, gets the measured joints, and answers with the joints to
+go to. The motors do it through physics, cubes move when touched, and the next look shows what came
+of it.
 
 Nobody says how long to act. An episode ends when the arm has been away and has come to rest at home
 again, or after `LIMIT` frames.

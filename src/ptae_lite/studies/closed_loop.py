@@ -1,9 +1,9 @@
 """The closed loop: told a sentence, does the arm do it? An episode in, a row of a table out.
 
 `MODELS` says who acts and how it was trained, `CONDITIONS` where and on what word. Models are
-trained on recorded training samples. `aggregated` was trained on what it saw in its own episodes, too,
-in scenes of the training samples, held against the recorded motion of that scene (data aggregation,
-Ross et al. 2011: https://proceedings.mlr.press/v15/ross11a.html).
+trained on recorded training samples. `aggregated` was trained on what it saw in its own episodes,
+too, in scenes of the training samples, held against the recorded motion of that scene (data
+aggregation, Ross et al. 2011: https://proceedings.mlr.press/v15/ross11a.html).
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ import pandas as pd
 from ptae_lite import artefacts, vision
 from ptae_lite.acting import Actor
 from ptae_lite.dataset import MAX_FRAMES, Samples
-from ptae_lite.errors import ConfigError
+from ptae_lite.errors import ConfigError, RobotError
 from ptae_lite.evaluation import alternatives_for, respond, sentences
 from ptae_lite.language import COLOURS, Pattern, pattern, sentence
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import PTAEConfig
-from ptae_lite.robot import closed_loop
+from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode, Stage, Verdict
 from ptae_lite.robot.motions import PLACE_JITTER_M, VARIATIONS
 from ptae_lite.robot.scene import NOMINAL_PLACES_M, pybullet
@@ -38,10 +38,11 @@ LOOP = {"padded": False, "reminded": True}  # the sentence must tell the speed, 
 MODELS: dict[str, dict] = {
     "ptae": {},  # as the paper trains it
     "first frame": {"film": "first"},
+    "no padding": {"film": "first", "padded": False},
+    "blind": LOOP | {"film": "first"},
     "open eyes": LOOP,
     "noise": LOOP,  # on the features of the film
     "aggregated": LOOP,
-    "blind": LOOP | {"film": "first"},
 }
 NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
 FILMS = 2  # noisy ones for each sample
@@ -108,12 +109,22 @@ def new_family(tasks: list[Task]) -> list[Task]:
 
 
 def displaced(tasks: list[Task]) -> list[Task]:
-    """Both cubes stand twice as far off the middle as training ever shows, in any direction."""
+    """Both cubes stand twice as far off the middle as training ever shows, in any direction.
+
+    Places where the arm could not do what is asked are drawn again.
+    """
     made = []
     for task in tasks:
-        angle = np.random.default_rng([45, task.sample]).uniform(0, 2 * np.pi, 2)
-        off = DISPLACED_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        places = np.array(NOMINAL_PLACES_M) + off
+        rng = np.random.default_rng([45, task.sample])
+        while True:
+            angle = rng.uniform(0, 2 * np.pi, 2)
+            off = DISPLACED_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            places = np.array(NOMINAL_PLACES_M) + off
+            try:
+                motions.plan(task.asked, motions.middle(places))
+                break
+            except RobotError:
+                continue
         made.append(task._replace(stage=task.stage._replace(places_m=places)))
     return made
 
@@ -142,8 +153,8 @@ def run_one(samples: Samples, weights: Path | None, model: str, seed: int, condi
             split: str = "test") -> pd.DataFrame:  # fmt: skip
     """All episodes of one model under one condition: a row each.
 
-    Without `weights` the recorded joints are replayed. Under `test` the model then describes what it
-    saw of its own act: there and back.
+    Without `weights` the recorded joints are replayed. Under `test` the model then describes what
+    it saw of its own act: there and back.
     """
     tasks = told_in(samples, samples.split(split))
     tasks = CONDITIONS[condition](tasks if condition in OF_ALL else first_two(tasks))
@@ -263,20 +274,19 @@ def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 
             if name not in there:
                 raise ConfigError(f"no {what} {name!r}; there are {'; '.join(there)}")
     pybullet()  # fail here, not after the trainings
-    table, done = (
-        Path(folder) / "closed_loop.csv",
-        tables.there(Path(folder) / "closed_loop.csv", KEY),
-    )
-    wanted = [(model, seed, c) for seed in seeds for model in models for c in conditions
-              if c != "replay"]  # fmt: skip
-    wanted = [job for job in wanted if job not in done]
-    needed = dict.fromkeys(job[:2] for job in wanted)
-    first = dict.fromkeys(("open eyes" if m == "aggregated" else m, seed) for m, seed in needed)
-    for group in (first, needed):  # episodes of `open eyes` come before `aggregated`
-        missing = [
-            (samples, weights, *job) for job in group if not weights_of(weights, *job).exists()
-        ]
-        tables.run(make_one, missing, lambda _: None, workers, progress)
+    table = Path(folder) / "closed_loop.csv"
+    done = tables.there(table, KEY)
+    wanted = [
+        (model, seed, condition)
+        for seed in seeds for model in models for condition in conditions
+        if condition != "replay" and (model, seed, condition) not in done
+    ]  # fmt: skip
+    actors = dict.fromkeys(job[:2] for job in wanted)
+    first = dict.fromkeys(("open eyes" if m == "aggregated" else m, seed) for m, seed in actors)
+    for group in (first, actors):  # the episodes of `open eyes` come before `aggregated`
+        missing = [job for job in group if not weights_of(weights, *job).exists()]
+        made = [(samples, weights, *job) for job in missing]
+        tables.run(make_one, made, lambda _: None, workers, progress)
     jobs = [(samples, weights_of(weights, *job[:2]), *job) for job in wanted]
     if "replay" in conditions and (REPLAY, 0, "replay") not in done:
         jobs.insert(0, (samples, None, REPLAY, 0, "replay"))
