@@ -174,8 +174,24 @@ def _family(options) -> dict:
     return {"table": str(Path(options.out) / "family.csv"), "rows": len(table)} | _caution(samples)
 
 
+def _closed_loop(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import closed_loop, episodes
+
+    folder = Path(options.out)
+    table = closed_loop.study(
+        dataset.load(), folder, options.weights or "build/weights",
+        options.variants or tuple(closed_loop.MODELS), options.seeds or (0, 1, 2),
+        options.conditions or tuple(closed_loop.CONDITIONS), options.workers,
+        progress=lambda results, total: bar(results, total=total, desc="jobs"),
+    )  # fmt: skip
+    episodes.keep(folder, table, options.weights or "build/weights")
+    return {"table": str(folder / "closed_loop.csv"), "rows": len(table)}
+
+
 STUDIES = {
     "supervision": _supervision, "family": _family, "eyes": _eyes, "eyes-ptae": _eyes_ptae,
+    "closed-loop": _closed_loop,
 }  # fmt: skip
 
 
@@ -273,10 +289,20 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
     study.add_argument("--shares", type=float, nargs="+", default=[2, 10, 50, 100],
                        help="supervision: labelled samples in percent")  # fmt: skip
-    study.add_argument("--variants", nargs="+", metavar="NAME", help="family: which rows")
+    study.add_argument(
+        "--variants",
+        nargs="+",
+        metavar="NAME",
+        help="family: which rows; closed-loop: which models",
+    )
+    study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
     study.add_argument("--seeds", type=int, nargs="+", help="one training for each")
-    study.add_argument("--workers", type=int, default=1, help="family: trainings side by side")
-    study.add_argument("--weights", metavar="FOLDER", help="family: keep the trained models here")
+    study.add_argument(
+        "--workers", type=int, default=1, help="family, closed-loop: trainings side by side"
+    )
+    study.add_argument(
+        "--weights", metavar="FOLDER", help="family, closed-loop: keep the trained models here"
+    )
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
     study.add_argument("--eyes", default="build/eyes",
                        help="eyes: folder of the CAEs and their features")  # fmt: skip

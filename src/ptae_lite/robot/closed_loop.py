@@ -63,12 +63,13 @@ def stage_of(pattern, variation: int) -> Stage:
     return Stage((pattern.left, pattern.right), drawn.places_m, drawn.yaws_rad)
 
 
-def perform(stage: Stage, act: Act, limit: int = LIMIT) -> Episode:
+def perform(stage: Stage, act: Act, limit: int | None = None) -> Episode:
     """Let `act(look, joints_rad)` move the arm in a fresh scene until it is done.
 
     An image takes most of a frame's time to compute, so it is made only for one who looks.
     """
     joints, cubes, stopped, rest, left = [], [], "limit", 0, False
+    limit = limit or LIMIT
     with Scene(*stage) as world:
         for frame in range(limit):
             joints.append(world.joints_rad())

@@ -1,6 +1,6 @@
 """The closed loop: told a sentence, does the arm do it? An episode in, a row of a table out.
 
-`MODELS` says who acts and how it was trained, `CONDITIONS` where and on what word. Models are
+`MODELS` says who acts and how it was trained, `told` where and on what word. Models are
 trained on recorded training samples. `aggregated` was trained on what it saw in its own episodes,
 too, in scenes of the training samples, held against the recorded motion of that scene (data
 aggregation, Ross et al. 2011: https://proceedings.mlr.press/v15/ross11a.html).
@@ -8,10 +8,8 @@ aggregation, Ross et al. 2011: https://proceedings.mlr.press/v15/ross11a.html).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,18 +17,17 @@ import pandas as pd
 from ptae_lite import artefacts, vision
 from ptae_lite.acting import Actor
 from ptae_lite.dataset import MAX_FRAMES, Samples
-from ptae_lite.errors import ConfigError, RobotError
-from ptae_lite.evaluation import alternatives_for, respond, sentences
-from ptae_lite.language import COLOURS, Pattern, pattern, sentence
+from ptae_lite.errors import ConfigError
+from ptae_lite.evaluation import evaluate, respond, sentences
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import PTAEConfig
-from ptae_lite.robot import closed_loop, motions
-from ptae_lite.robot.closed_loop import Episode, Stage, Verdict
-from ptae_lite.robot.motions import PLACE_JITTER_M, VARIATIONS
-from ptae_lite.robot.scene import NOMINAL_PLACES_M, pybullet
+from ptae_lite.robot import closed_loop
+from ptae_lite.robot.closed_loop import Episode, Verdict
+from ptae_lite.robot.scene import pybullet
 from ptae_lite.signals import STEPS, Source
 from ptae_lite.studies import tables
+from ptae_lite.studies.told import CONDITIONS, Task, tasks_of, told_in
 from ptae_lite.training import RECIPES, train
 
 KEY = ["model", "seed", "condition"]
@@ -46,107 +43,10 @@ MODELS: dict[str, dict] = {
 }
 NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
 FILMS = 2  # noisy ones for each sample
-DISPLACED_M = 2 * PLACE_JITTER_M  # from the middle of the places that training knows
 
 
-class Task(NamedTuple):
-    """One episode to be acted out: the stage, the words, and what would be right."""
-
-    sample: int  # its number, or that of the sample it was derived from
-    stage: Stage
-    told: str | None
-    asked: Pattern  # whose action, side and speed count
-
-
-def told_in(samples: Samples, indices) -> list[Task]:
-    """Samples of the data set in their own scenes, each with one of its eight sentences."""
-    alternative, tasks = alternatives_for(len(samples.frames)).tolist(), []
-    for i in map(int, indices):
-        asked = pattern(int(samples.pattern[i]))
-        stage = closed_loop.stage_of(asked, int(samples.variation[i]))
-        tasks.append(Task(i, stage, sentence(asked.meaning, alternative[i]), asked))
-    return tasks
-
-
-def as_recorded(tasks: list[Task]) -> list[Task]:
-    return tasks
-
-
-def first_two(tasks: list[Task]) -> list[Task]:
-    """Two samples of each pattern: enough for the questions beside the main one."""
-    return [task for i, task in enumerate(tasks) if i % VARIATIONS < 2]
-
-
-def blank(tasks: list[Task]) -> list[Task]:
-    return [task._replace(told=None) for task in tasks]
-
-
-def synonyms(tasks: list[Task]) -> list[Task]:
-    return [task._replace(told=sentence(task.asked.meaning, 7)) for task in tasks]
-
-
-def swapped_speed(tasks: list[Task]) -> list[Task]:
-    """*Fast* for *slowly* and the reverse, in the same scene; the sentence says what is right."""
-    other = {"slowly": "fast", "fast": "slowly"}
-    return [
-        task._replace(asked=replace(task.asked, speed=other[task.asked.speed]),
-                      told=sentence(task.asked.meaning._replace(speed=other[task.asked.speed])))
-        for task in tasks
-    ]  # fmt: skip
-
-
-def new_family(tasks: list[Task]) -> list[Task]:
-    """The cube that is not named has a colour of the other family: red meets yellow."""
-    made = []
-    for task in tasks:
-        colours = [
-            colour if colour == task.asked.meaning.colour
-            else COLOURS[(COLOURS.index(colour) + 3) % len(COLOURS)]
-            for colour in task.stage.colours
-        ]  # fmt: skip
-        made.append(task._replace(stage=task.stage._replace(colours=tuple(colours))))
-    return made
-
-
-def displaced(tasks: list[Task]) -> list[Task]:
-    """Both cubes stand twice as far off the middle as training ever shows, in any direction.
-
-    Places where the arm could not do what is asked are drawn again.
-    """
-    made = []
-    for task in tasks:
-        rng = np.random.default_rng([45, task.sample])
-        while True:
-            angle = rng.uniform(0, 2 * np.pi, 2)
-            off = DISPLACED_M * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-            places = np.array(NOMINAL_PLACES_M) + off
-            try:
-                motions.plan(task.asked, motions.middle(places))
-                break
-            except RobotError:
-                continue
-        made.append(task._replace(stage=task.stage._replace(places_m=places)))
-    return made
-
-
-def absent_colour(tasks: list[Task]) -> list[Task]:
-    """The sentence names a colour of the same family that is not on the table."""
-    made = []
-    for task in tasks:
-        start = COLOURS.index(task.asked.meaning.colour) // 3 * 3
-        (colour,) = set(COLOURS[start : start + 3]) - set(task.stage.colours)
-        made.append(task._replace(told=sentence(task.asked.meaning._replace(colour=colour))))
-    return made
-
-
-# What is asked of all test samples, and what of two of each pattern.
-CONDITIONS: dict[str, Callable[[list[Task]], list[Task]]] = {
-    "replay": as_recorded, "test": as_recorded, "blank": blank,
-    "swapped_speed": swapped_speed, "synonyms": synonyms, "new_family": new_family,
-    "displaced": displaced, "absent_colour": absent_colour,
-}  # fmt: skip
-OF_ALL = ("replay", "test", "blank")
 REPLAY = "recorded joints"  # the model that is none
+NOT_THERE = "no such cube"  # whatever the arm did
 
 
 def run_one(samples: Samples, weights: Path | None, model: str, seed: int, condition: str,
@@ -156,21 +56,22 @@ def run_one(samples: Samples, weights: Path | None, model: str, seed: int, condi
     Without `weights` the recorded joints are replayed. Under `test` the model then describes what
     it saw of its own act: there and back.
     """
-    tasks = told_in(samples, samples.split(split))
-    tasks = CONDITIONS[condition](tasks if condition in OF_ALL else first_two(tasks))
+    tasks = tasks_of(samples, condition, split)
     trained = None if weights is None else checkpoint.load(weights)
     eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
     rows, clips = [], []
     for task in tasks:
-        asked, watch = task.asked, condition == "test"
+        asked = task.asked
         if trained is None:
             joints = samples.joints[task.sample, : samples.frames[task.sample]]
             episode = closed_loop.perform(task.stage, closed_loop.replay(joints))
         else:
-            actor = Actor(trained, eye, task.told, watch=watch)
+            actor = Actor(trained, eye, task.told, watch=condition == "test")
             episode = closed_loop.perform(task.stage, actor)
             clips.append((task, actor.looks, episode.joints_rad))
         verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
+        if condition == "absent_colour":
+            verdict = verdict._replace(success=False, reason=NOT_THERE)
         head = {"model": model, "seed": seed, "condition": condition, "pattern": asked.index,
                 "variation": int(samples.variation[task.sample])}  # fmt: skip
         rows.append(head | row_of(task, episode, verdict))
@@ -263,11 +164,19 @@ def make_one(samples: Samples, folder, model: str, seed: int) -> None:
     checkpoint.save(weights_of(folder, model, seed), make(samples, model, seed, base=base))
 
 
+def score_one(samples: Samples, folder, model: str, seed: int) -> dict:
+    """What chapter 03 measures, of a model of this study: the row of `closed_loop_models.csv`."""
+    trained = checkpoint.load(weights_of(folder, model, seed))
+    row = {"model": model, "seed": seed, "steps": trained.about["steps"]}
+    return row | {name: round(value, 3) for name, value in evaluate(trained, samples).items()}
+
+
 def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 2),
           conditions=tuple(CONDITIONS), workers: int = 1,
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
     """Train what is missing in the folder `weights`, then act out what is missing in
     `closed_loop.csv`; the episodes of a model under a condition are written when they are done.
+    The joint errors of the models go to `closed_loop_models.csv`.
     """
     for names, there, what in ((models, MODELS, "model"), (conditions, CONDITIONS, "condition")):
         for name in names:
@@ -287,6 +196,14 @@ def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 
         missing = [job for job in group if not weights_of(weights, *job).exists()]
         made = [(samples, weights, *job) for job in missing]
         tables.run(make_one, made, lambda _: None, workers, progress)
+    scores = Path(folder) / "closed_loop_models.csv"
+    scored = tables.there(scores, KEY[:2])
+    unscored = [(samples, weights, *job) for job in actors if job not in scored]
+
+    def keep(row: dict) -> None:
+        tables.add(scores, pd.DataFrame([row]), KEY[:2])
+
+    tables.run(score_one, unscored, keep, workers, progress)
     jobs = [(samples, weights_of(weights, *job[:2]), *job) for job in wanted]
     if "replay" in conditions and (REPLAY, 0, "replay") not in done:
         jobs.insert(0, (samples, None, REPLAY, 0, "replay"))
