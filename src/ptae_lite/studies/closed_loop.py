@@ -3,7 +3,7 @@
 `MODELS` says who acts and how it was trained, `told` where and on what word. Models are
 trained on recorded training samples. `aggregated` was trained on what it saw in its own episodes,
 too, in scenes of the training samples, held against the recorded motion of that scene (data
-aggregation, Ross et al. 2011: https://proceedings.mlr.press/v15/ross11a.html).
+aggregation, Ross et al. 2011, arXiv:1011.0686).
 """
 
 from __future__ import annotations
