@@ -35,18 +35,20 @@ def quick(monkeypatch):
 
 
 def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded, tmp_path):
-    models, conditions = ("blind", "aggregated"), ("replay", "test", "displaced")
+    models, conditions = ("blind", "aggregated"), ("replay", "test", "there_and_back")
     table = study.study(recorded, tmp_path, tmp_path / "w", models, (0,), conditions)
     counts = table.groupby(["model", "condition"]).size().to_dict()
     assert counts == {
         ("recorded joints", "replay"): 6,
-        ("blind", "test"): 6, ("blind", "displaced"): 2,
-        ("aggregated", "test"): 6, ("aggregated", "displaced"): 2,
+        ("blind", "test"): 6, ("blind", "there_and_back"): 2,
+        ("aggregated", "test"): 6, ("aggregated", "there_and_back"): 2,
     }  # fmt: skip
     assert set(table["success"]) <= {0, 1}
     assert table[table["condition"] != "replay"]["duration"].max() == 4
-    test = table[table["condition"] == "test"]
-    assert test["described"].notna().all() and test["sentence"].str.split().str.len().eq(3).all()
+    assert table[table["condition"] == "test"]["sentence"].str.split().str.len().eq(3).all()
+    back = table["condition"] == "there_and_back"
+    for said in ("described", "described_held"):
+        assert (table[said].notna() == back).all()
     scores = pd.read_csv(tmp_path / "closed_loop_models.csv")
     assert set(scores["model"]) == {"blind", "aggregated"} and (scores["execute_nrmse"] > 0).all()
     assert (tmp_path / "w" / "ptae_open_eyes_seed0.safetensors").exists()  # its episodes were taken

@@ -46,18 +46,22 @@ def error_against_success(rates: pd.DataFrame, scores: pd.DataFrame) -> Figure:
 
 
 def ways(table: pd.DataFrame) -> Figure:
-    """How far the named and the other cube went, an episode a dot, by condition."""
+    """How far the named and the other cube went, an episode a dot, by condition.
+
+    A cube that was flung off the table is drawn at the chart's edge.
+    """
     names = list(dict.fromkeys(table["condition"]))
     figure, axes = plt.subplots(1, len(names), figsize=(7.5, 2.5), sharex=True, sharey=True)
     for axis, name in zip(np.atleast_1d(axes), names, strict=True):
         rows = table[table["condition"] == name]
-        named = np.where(rows["side"] == "left", rows["left_mm"], rows["right_mm"])
-        other = rows["left_mm"] + rows["right_mm"] - named
-        good = rows["success"] == 1
-        axis.plot(rows["named_mm"][good], other[good], "o", color=style.BLUE, markersize=3)
-        axis.plot(rows["named_mm"][~good], other[~good], "x", color=style.RED, markersize=4)
+        other = rows["right_mm"].where(rows["side"] == "left", rows["left_mm"])
+        x, y, good = rows["named_mm"].clip(-60, 120), other.clip(0, 120), rows["success"] == 1
+        axis.plot(x[good], y[good], "o", color=style.BLUE, markersize=3, label="done")
+        axis.plot(x[~good], y[~good], "x", color=style.RED, markersize=4, label="not done")
         axis.axvline(40, color=style.GREY, linestyle=":")
         axis.axhline(10, color=style.GREY, linestyle=":")
         axis.set(title=name.replace("_", " "), xlabel="named cube, mm")
-    np.atleast_1d(axes)[0].set_ylabel("other cube, mm")
+    first = np.atleast_1d(axes)[0]
+    first.set_ylabel("other cube, mm")
+    figure.legend(*first.get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return style.closed(figure)

@@ -43,9 +43,11 @@ MODELS: dict[str, dict] = {
 }
 NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
 FILMS = 2  # noisy ones for each sample
+FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
 
 
 REPLAY = "recorded joints"  # the model that is none
+BACK = "there_and_back"
 NOT_THERE = "no such cube"  # whatever the arm did
 
 
@@ -53,8 +55,8 @@ def run_one(samples: Samples, weights: Path | None, model: str, seed: int, condi
             split: str = "test") -> pd.DataFrame:  # fmt: skip
     """All episodes of one model under one condition: a row each.
 
-    Without `weights` the recorded joints are replayed. Under `test` the model then describes what
-    it saw of its own act: there and back.
+    Without `weights` the recorded joints are replayed. There and back, the model then describes
+    what it saw of its own act.
     """
     tasks = tasks_of(samples, condition, split)
     trained = None if weights is None else checkpoint.load(weights)
@@ -66,7 +68,7 @@ def run_one(samples: Samples, weights: Path | None, model: str, seed: int, condi
             joints = samples.joints[task.sample, : samples.frames[task.sample]]
             episode = closed_loop.perform(task.stage, closed_loop.replay(joints))
         else:
-            actor = Actor(trained, eye, task.told, watch=condition == "test")
+            actor = Actor(trained, eye, task.told, watch=condition == BACK)
             episode = closed_loop.perform(task.stage, actor)
             clips.append((task, actor.looks, episode.joints_rad))
         verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
@@ -76,8 +78,9 @@ def run_one(samples: Samples, weights: Path | None, model: str, seed: int, condi
                 "variation": int(samples.variation[task.sample])}  # fmt: skip
         rows.append(head | row_of(task, episode, verdict))
     table = pd.DataFrame(rows)
-    if condition == "test":
+    if condition == BACK:
         table["described"] = describe(trained, samples, clips)
+        table["described_held"] = describe(trained, samples, clips, hold=True)
     return table
 
 
@@ -93,14 +96,22 @@ def row_of(task: Task, episode: Episode, verdict: Verdict) -> dict:
     }  # fmt: skip
 
 
-def describe(trained: Trained, samples: Samples, clips: list) -> list[str]:
-    """What a model says of its own acts: of (task, features of each frame, joints) a sentence."""
+def describe(trained: Trained, samples: Samples, clips: list, hold: bool = False) -> list[str]:
+    """What a model says of its own acts: of (task, features of each frame, joints) a sentence.
+
+    Args:
+        hold: the camera goes on, while the arm rests, up to the 50 or 100 frames of a recorded
+            clip.
+    """
     frames = np.array([min(len(looks), MAX_FRAMES) for _, looks, _ in clips])
     features = np.zeros((len(clips), MAX_FRAMES, samples.features.shape[2]), dtype=np.float32)
     joints = np.zeros((len(clips), MAX_FRAMES, samples.joints.shape[2]), dtype=np.float32)
     for i, (_, looks, moved) in enumerate(clips):
-        features[i, : frames[i]] = looks[: frames[i]]
-        joints[i, : frames[i]] = moved[: frames[i]]
+        seen = frames[i]
+        if hold:
+            frames[i] = MAX_FRAMES if seen >= closed_loop.SLOW_FROM else max(seen, FAST_FRAMES)
+        at = np.minimum(np.arange(frames[i]), seen - 1)
+        features[i, : frames[i]], joints[i, : frames[i]] = np.array(looks)[at], moved[at]
     acted = replace(
         samples, features=features, joints=joints, frames=frames, cubes=None, touched=None,
         pattern=np.array([task.asked.index for task, *_ in clips]),

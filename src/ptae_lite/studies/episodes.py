@@ -28,7 +28,7 @@ FIRST_SEED = 10_000  # the recording's end before
 CHOSEN = "blind"  # the simplest model that holds in the loop
 FRAMES_SHOWN = 5  # of a film strip
 # Two arrangements of the data set, and one in which the colour families meet.
-SCENES = (("red", "green"), ("cyan", "violet"), ("yellow", "blue"))
+SCENES = (("red", "green"), ("cyan", "violet"), ("green", "yellow"))
 
 
 class Kept(NamedTuple):

@@ -117,7 +117,7 @@ def absent_colour(tasks: list[Task]) -> list[Task]:
 CONDITIONS: dict[str, Callable[[list[Task]], list[Task]]] = {
     "replay": as_recorded, "test": as_recorded, "blank": blank,
     "swapped_speed": swapped_speed, "synonyms": synonyms, "new_family": new_family,
-    "displaced": displaced, "absent_colour": absent_colour,
+    "displaced": displaced, "absent_colour": absent_colour, "there_and_back": as_recorded,
 }  # fmt: skip
 OF_ALL = ("replay", "test", "blank")
 
