@@ -47,11 +47,15 @@ def assert_same(model, batch, readable, unseen=()):
         assert torch.allclose(slope, gradients[name], rtol=1e-8, atol=1e-12), name
 
 
-@pytest.mark.parametrize("layers", [1, 2])
-@pytest.mark.parametrize("queries", ["language", "both"])
-def test_a_fast_ptae_equals_the_readable_one(mixed, layers, queries):
-    sizes = {"hidden": 32, "feed_forward": 64, "decoder_units": 24, "decoder_layers": layers}
-    model = make("ptae", dropout=0.0, queries=queries, **sizes)  # chance would tell the two apart
+OTHERWISE = [
+    {}, {"decoder_layers": 1}, {"queries": "both"}, {"reminded": True, "padded": False},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("choices", OTHERWISE)
+def test_a_fast_ptae_equals_the_readable_one(mixed, choices):
+    sizes = {"hidden": 32, "feed_forward": 64, "decoder_units": 24}
+    model = make("ptae", dropout=0.0, **sizes | choices)  # chance would tell the two apart
     # A key bias adds the same to every key, so it has no gradient; a fast form leaves it out.
     unseen = [n for n, _ in model.named_parameters() if n.endswith("attention.key.bias")]
     assert_same(model, mixed, lambda batch: losses(model(batch), batch), unseen)

@@ -198,9 +198,24 @@ def _incongruence(options) -> dict:
     return {"table": str(Path(options.out) / incongruence_table.FILE), "rows": len(table)}
 
 
+def _closed_loop(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import closed_loop, episodes
+
+    folder = Path(options.out)
+    table = closed_loop.study(
+        dataset.load(), folder, options.weights or "build/weights",
+        options.variants or tuple(closed_loop.MODELS), options.seeds or (0, 1, 2),
+        options.conditions or tuple(closed_loop.CONDITIONS), options.workers,
+        progress=lambda results, total: bar(results, total=total, desc="jobs"),
+    )  # fmt: skip
+    episodes.keep(folder, table, options.weights or "build/weights")
+    return {"table": str(folder / "closed_loop.csv"), "rows": len(table)}
+
+
 STUDIES = {
     "supervision": _supervision, "family": _family, "eyes": _eyes, "eyes-ptae": _eyes_ptae,
-    "incongruence": _incongruence,
+    "incongruence": _incongruence, "closed-loop": _closed_loop,
 }  # fmt: skip
 
 
@@ -302,17 +317,18 @@ def parser() -> argparse.ArgumentParser:
     study.add_argument("--modes", nargs="+", metavar="NAME",
                        help="supervision: samples, iterations")  # fmt: skip
     study.add_argument("--variants", nargs="+", metavar="NAME",
-                       help="family, supervision: which variants; incongruence: which "
-                            "models")  # fmt: skip
+                       help="family, supervision: which variants; incongruence, closed-loop: "
+                            "which models")  # fmt: skip
+    study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
     study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
     study.add_argument("--workers", type=whole_number(1), default=1,
-                       help="family, supervision: trainings side by side")  # fmt: skip
+                       help="family, supervision, closed-loop: trainings side by side")  # fmt: skip
     study.add_argument("--cluster", metavar="ADDRESS",
                        help="supervision: a Dask scheduler whose workers do the trainings; on a "
                             "trusted network only")  # fmt: skip
     study.add_argument("--weights", metavar="FOLDER",
-                       help="family, incongruence: keep the trained models here; the latter does "
-                            "not train what is there")  # fmt: skip
+                       help="family, incongruence, closed-loop: keep the trained models here; "
+                            "the last two do not train what is there")  # fmt: skip
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
     study.add_argument("--eyes", default="build/eyes",
                        help="eyes: folder of the CAEs and their features")  # fmt: skip

@@ -8,7 +8,7 @@ the two targets. `build` turns samples and signals into arrays by this table and
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -230,6 +230,15 @@ def blend(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) 
         "frames": torch.where(both, batch.frames.maximum(batch.frames[partner]), batch.frames),
     }
     return Blended(**parts, other_words=batch.words[partner], share=share)
+
+
+def refilm(batch: Batch, films: dict[int, Float[Tensor, "99 F"]]) -> Batch:
+    """The batch with another film for the action decoder of some places, where it is to execute."""
+    video, execute = batch.video.clone(), signal_index("execute")
+    for place, film in films.items():
+        if batch.tokens[place, 0] == execute:
+            video[place] = film
+    return replace(batch, video=video)
 
 
 def table() -> list[dict[str, str]]:

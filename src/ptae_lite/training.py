@@ -15,10 +15,10 @@ import torch
 from jaxtyping import Int
 from torch import Tensor, nn
 
-from ptae_lite.dataset import HALF_WHITE, Samples, fit_scaling, prepare
+from ptae_lite.dataset import HALF_WHITE, Samples, Scaling, fit_scaling, prepare
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
-from ptae_lite.signals import PTAE_MIX, Source, blend, build, signal_number
+from ptae_lite.signals import PTAE_MIX, Source, blend, build, refilm, signal_number
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,18 @@ def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
     return torch.from_numpy(share.astype(np.float32)), torch.from_numpy(partner)
 
 
+def draw_films(rng: np.random.Generator, part, films: dict, scaling: Scaling) -> dict[int, Tensor]:
+    """For places in the batch `part`: another film than the recorded one, if that is drawn."""
+    drawn = {}
+    for place, sample in enumerate(part):
+        others = films.get(int(sample), ())
+        which = rng.integers(0, len(others) + 1)
+        if which:
+            film = scaling.features(others[which - 1]).astype(np.float32)
+            drawn[place] = torch.from_numpy(film)
+    return drawn
+
+
 def epoch_batches(
     rng, train: np.ndarray, labelled: np.ndarray | None, recipe: Recipe, groups=PTAE_MIX.regular
 ):
@@ -134,6 +146,7 @@ def train(
     split: str = "train",
     labelled: np.ndarray | None = None,
     limited: bool = False,
+    films: dict[int, list[np.ndarray]] | None = None,
     device: str = "cpu",
     on_epoch=lambda epoch, trained: None,
     progress=lambda epochs: epochs,
@@ -149,6 +162,9 @@ def train(
             these samples' halves, and no others'.
         limited: every sample has a label, but few updates use one (`recipe.supervised`); signals
             are drawn as where few samples have a label, so PGAE's repeat both counts as supervised.
+        films: of some samples (by their numbers), what was seen when their sentence was executed
+            otherwise than recorded: features (99, F) before scaling. Execute is then trained with
+            one of a sample's films, the recorded one among them, each as likely.
         device: where the arithmetic is done, such as `cuda`. Batches are drawn on the CPU, so that
             a seed draws the same everywhere; the model comes back to the CPU.
         on_epoch: called after each epoch with its number (from 1) and the model so far.
@@ -223,6 +239,8 @@ def train(
             if labelled is not None:
                 batch = replace(batch, paired=torch.from_numpy(paired))
             about["supervised_presentations"] += int((np.isin(signals, need_label) & paired).sum())
+            if films:
+                batch = refilm(batch, draw_films(rng, part, films, scaling))
             if recipe.mixup:
                 batch = blend(batch, *draw_partners(rng, signals))
             with torch.device(device):  # what a model makes itself belongs there, too

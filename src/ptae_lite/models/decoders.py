@@ -61,11 +61,17 @@ class LanguageDecoder(RecurrentDecoder):
 
 
 class ActionDecoder(RecurrentDecoder):
-    """Code and video to joints: each step sees one frame and its own last pose."""
+    """Code and video to joints: each step sees one frame and its own last pose.
+
+    `reminded`: each step is given the code, too, not the first state alone.
+    """
 
     def __init__(self, features: int, joints: int, hidden: int, units: int, layers: int,
-                 forget_bias: float, peepholes: bool = False):  # fmt: skip
-        super().__init__(features + joints, joints, hidden, units, layers, forget_bias, peepholes)
+                 forget_bias: float, peepholes: bool = False, reminded: bool = False):  # fmt: skip
+        inputs = features + joints + (hidden if reminded else 0)
+        super().__init__(inputs, joints, hidden, units, layers, forget_bias, peepholes)
+        self.seen = features + joints  # the inputs before the code
+        self.reminded = reminded
 
     def forward(
         self,
@@ -77,7 +83,12 @@ class ActionDecoder(RecurrentDecoder):
         states, pose, poses = self.first_state(code), start, []
         # unbind once: indexing video[:, t] in the loop makes the backward pass quadratic in T
         for frame in video.unbind(dim=1):
-            raw, states = self.step(torch.cat([frame, pose], dim=1), states)
-            pose = torch.tanh(raw)
+            pose, states = self.move(code, frame, pose, states)
             poses.append(pose)
         return torch.stack(poses, dim=1)
+
+    def move(self, code, frame: Float[Tensor, "B F"], pose: Float[Tensor, "B 5"], states: list):
+        """One step: the next pose, and the new states."""
+        inputs = [frame, pose, code] if self.reminded else [frame, pose]
+        raw, states = self.step(torch.cat(inputs, dim=1), states)
+        return torch.tanh(raw), states

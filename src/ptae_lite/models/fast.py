@@ -45,15 +45,18 @@ def act(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B T J"]:
     if len(decoder.cells) != 2:  # only the published two layers have a fast form
         return decoder(code, batch.video, batch.start) * batch.step_mask[..., None]
     packed = Packed.of(batch.step_mask.sum(1))
-    features = batch.video.shape[2]
+    features, inputs = batch.video.shape[2], decoder.seen
     states = [part[packed.order] for layer in decoder.first_state(code) for part in layer]
     (look1, recall1, bias1, peep1), (look2, recall2, bias2, peep2) = map(_parts, decoder.cells)
     # what of the first layer's gates comes from the video: one product for all frames
     video = batch.video[packed.sample, packed.step]
+    seen = functional.linear(video, look1[:, :features], bias1)
+    if decoder.reminded:
+        seen = seen + functional.linear(code, look1[:, inputs:])[packed.sample]
     poses = _Unroll.apply(
-        packed.spans, functional.linear(video, look1[:, :features], bias1),
+        packed.spans, seen,
         batch.start[packed.order], *states,
-        torch.cat([recall1, look1[:, features:]], dim=1),  # of h1 and the pose
+        torch.cat([recall1, look1[:, features:inputs]], dim=1),  # of h1 and the pose
         torch.cat([look2, recall2], dim=1),  # of the new h1 and h2
         bias2, peep1, peep2, decoder.output.weight, decoder.output.bias,
     )  # fmt: skip

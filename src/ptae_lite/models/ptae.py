@@ -16,11 +16,12 @@ import torch
 from torch import Tensor, nn
 
 from ptae_lite.errors import ConfigError
+from ptae_lite.language import signal_index
 from ptae_lite.models import encoders, fast, fast_crossmodal
 from ptae_lite.models.common import Answer, class_weights, losses
 from ptae_lite.models.crossmodal import CrossmodalTransformer, TwoWay
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
-from ptae_lite.signals import MIX_WITH_BOTH, PTAE_MIX, WORDS_OUT, Batch, Mix
+from ptae_lite.signals import MIX_WITH_BOTH, PTAE_MIX, WIRING, WORDS_OUT, Batch, Mix
 
 CHOICES = {
     "language_encoder": encoders.LANGUAGE,
@@ -55,6 +56,9 @@ class PTAEConfig:
     # Ours, to show what the paper's choice does.
     clock: bool = False  # frames have a position, and the padding is hidden
     film: str = "clip"  # or `first`: the action decoder gets the first frame only, at every step
+    # Ours, to act in the closed loop.
+    padded: bool = True  # a still first frame ends where the clip will; False: it has no end
+    reminded: bool = False  # the action decoder is given the code at every step
 
     def __post_init__(self):
         for name, value in asdict(self).items():
@@ -98,7 +102,9 @@ class PTAE(nn.Module):
             self.encoder = CrossmodalTransformer(*sizes, c.queries, c.clock)
         sizes = (c.hidden, c.decoder_units, c.decoder_layers, c.forget_bias)
         self.language = LanguageDecoder(*sizes)
-        self.action = ActionDecoder(c.features, c.joints, *sizes)
+        self.action = ActionDecoder(c.features, c.joints, *sizes, reminded=c.reminded)
+        tokens = [signal_index(s) for s, row in WIRING.items() if row.keys == "first"]
+        self.register_buffer("to_imagine", torch.tensor(tokens), persistent=False)
         self.register_buffer("word_weights", class_weights(c.weigh_words), persistent=False)
 
     def forward(self, batch: Batch) -> Answer:
@@ -130,7 +136,12 @@ class PTAE(nn.Module):
         return losses(self.quick(batch), batch, self.word_weights)
 
     def _shown(self, batch: Batch) -> Batch:
-        """The batch with what this model's action decoder is shown."""
-        if self.config.film == "clip":
-            return batch
-        return replace(batch, video=batch.video[:, :1].expand_as(batch.video))
+        """The batch with what this model is shown of it."""
+        if self.config.film == "first":
+            batch = replace(batch, video=batch.video[:, :1].expand_as(batch.video))
+        if not self.config.padded:
+            still = (batch.tokens[:, :1] == self.to_imagine).any(1)
+            keys = torch.where(still[:, None, None], batch.keys[:, :1], batch.keys)
+            frames = torch.where(still, batch.keys.shape[1], batch.frames)
+            batch = replace(batch, keys=keys, frames=frames)
+        return batch

@@ -1,0 +1,67 @@
+"""A model in the closed loop: it hears a sentence, and sees only what its own acts bring about."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from ptae_lite.dataset import MAX_FRAMES
+from ptae_lite.language import EOS, encode, signal_index
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.signals import STEPS, TOKENS_IN, WORDS_OUT, Batch
+from ptae_lite.vision import encode_images
+
+
+class Actor:
+    """A PTAE that executes a sentence; one for each episode.
+
+    Call it with the camera and the measured joints (radians): it answers the joints to go to. Its
+    first look at the scene, together with the sentence, makes the code. The clip's length is not
+    known to it: the still first frame has all 100 places.
+
+    Args:
+        sentence: a whole sentence, or None: the words are blanked.
+        watch: look at every frame, also where the model takes only the first.
+    """
+
+    def __init__(self, trained: Trained, eye: nn.Module, sentence: str | None, watch=False):
+        self.trained, self.eye = trained, eye
+        self.watch = watch or trained.model.config.film == "clip"
+        tokens = [signal_index("execute"), *(encode(sentence) if sentence else [EOS] * 5)]
+        self.tokens = torch.tensor([tokens])
+        self.states: list | None = None
+        self.looks: list[np.ndarray] = []  # features of the images looked at so far, unscaled
+
+    @torch.no_grad()
+    def __call__(self, look, joints_rad) -> np.ndarray:
+        model, scaling = self.trained.model, self.trained.scaling
+        if self.watch or not self.looks:
+            self.looks.append(encode_images(self.eye, look()[None])[0])
+        seen = _row(scaling.features(self.looks[-1]))
+        pose = _row(scaling.joints(np.asarray(joints_rad, dtype=np.float32)))
+        if self.states is None:
+            self.first = seen
+            self.code = self._listen(torch.cat([seen, pose], dim=1))
+            self.states = model.action.first_state(self.code)
+        shown = seen if model.config.film == "clip" else self.first
+        pose, self.states = model.action.move(self.code, shown, pose, self.states)
+        return scaling.joints_back(pose[0].numpy().astype(float))
+
+    def _listen(self, first: Tensor) -> Tensor:
+        """The code of the sentence and the first frame."""
+        keys = first[:, None].expand(-1, MAX_FRAMES, -1)
+        features = keys[..., : self.trained.model.config.features]
+        none = torch.zeros(1, WORDS_OUT, dtype=torch.long)
+        batch = Batch(
+            tokens=self.tokens, token_mask=torch.ones(1, TOKENS_IN, dtype=torch.bool),
+            frames=torch.tensor([MAX_FRAMES]), keys=keys, video=features[:, :STEPS],
+            start=first[:, features.shape[2]:], words=none, word_mask=none > 0,
+            joints=keys[:, :STEPS, features.shape[2]:],
+            step_mask=torch.ones(1, STEPS, dtype=torch.bool),
+        )  # fmt: skip
+        return self.trained.model.encode(batch)[0]
+
+
+def _row(numbers) -> Tensor:
+    return torch.from_numpy(np.asarray(numbers, dtype=np.float32))[None]

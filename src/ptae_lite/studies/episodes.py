@@ -1,0 +1,153 @@
+"""Episodes of the closed loop, kept so that a page without a simulator can show them.
+
+Of a few scenes: everything that can be told in them. Of the table: film strips of episodes that
+succeeded and that failed.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from torch import nn
+
+from ptae_lite import artefacts, vision
+from ptae_lite.acting import Actor
+from ptae_lite.language import ACTIONS, SIDES, SPEEDS, Meaning, parse, pattern, sentence
+from ptae_lite.models import checkpoint
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.robot import closed_loop, motions
+from ptae_lite.robot.closed_loop import Episode, Stage, Verdict
+from ptae_lite.studies import closed_loop as study
+
+EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
+FIRST_SEED = 10_000  # the recording's end before
+CHOSEN = "blind"  # the simplest model that holds in the loop
+FRAMES_SHOWN = 5  # of a film strip
+# Two arrangements of the data set, and one in which the colour families meet.
+SCENES = (("red", "green"), ("cyan", "violet"), ("green", "yellow"))
+
+
+class Kept(NamedTuple):
+    """An episode with what was told and where."""
+
+    stage: Stage
+    told: str
+    episode: Episode
+    verdict: Verdict
+
+
+def stages() -> dict[str, Stage]:
+    """The scenes by name; where the cubes lie is drawn as in a recording, from other seeds."""
+    drawn = [motions.draw(FIRST_SEED + i) for i in range(len(SCENES))]
+    return {
+        f"{left} and {right}": Stage((left, right), place.places_m, place.yaws_rad)
+        for (left, right), place in zip(SCENES, drawn, strict=True)
+    }
+
+
+def side_of(stage: Stage, meaning: Meaning) -> str | None:
+    """Where the named cube stands, or None where there is no cube of its colour."""
+    at = dict(zip(stage.colours, SIDES, strict=True))
+    return at.get(meaning.colour)
+
+
+def perform(trained: Trained, eye: nn.Module, stage: Stage, told: str, meaning: Meaning) -> Kept:
+    """Act out a sentence. Named colours that are not on the table make it no success."""
+    episode = closed_loop.perform(stage, Actor(trained, eye, told))
+    side = side_of(stage, meaning)
+    verdict = closed_loop.judge(episode, meaning.action, side or "left", meaning.speed)
+    if side is None:
+        verdict = verdict._replace(success=False, reason=study.NOT_THERE)
+    return Kept(stage, told, episode, verdict)
+
+
+def all_of(trained: Trained, eye: nn.Module, progress=lambda jobs: jobs) -> list[Kept]:
+    """Every action, cube and speed in each of the scenes."""
+    jobs = [
+        (stage, Meaning(action, colour, speed))
+        for stage in stages().values()
+        for action, colour, speed in product(ACTIONS, stage.colours, SPEEDS)
+    ]
+    return [perform(trained, eye, stage, sentence(m), m) for stage, m in progress(jobs)]
+
+
+def write(path, kept: list[Kept]) -> None:
+    """Keep episodes in one file; joints in radians and cubes in metres, single precision."""
+    np.savez_compressed(
+        path,
+        told=np.array([one.told for one in kept]),
+        scene=np.array([" and ".join(one.stage.colours) for one in kept]),
+        stopped=np.array([one.episode.stopped for one in kept]),
+        frames=np.array([len(one.episode.joints_rad) for one in kept]),
+        joints_rad=np.concatenate([one.episode.joints_rad for one in kept]).astype(np.float32),
+        cubes=np.concatenate([one.episode.cubes for one in kept]).astype(np.float32),
+    )
+
+
+def load(path=None) -> list[Kept]:
+    """The stored episodes."""
+    path, scenes, kept = path or artefacts.stored(f"results/{EPISODES}"), stages(), []
+    with np.load(path, allow_pickle=False) as file:
+        found = {name: file[name] for name in file.files}
+    ends = found["frames"].cumsum()[:-1]
+    parts = (np.split(found[name].astype(float), ends) for name in ("joints_rad", "cubes"))
+    texts = (found[name].tolist() for name in ("told", "scene", "stopped"))
+    for told, scene, stopped, joints, cubes in zip(*texts, *parts, strict=True):
+        stage, meaning = scenes[scene], parse(told)
+        episode = Episode(joints, cubes, stopped)
+        verdict = closed_loop.judge(episode, meaning.action, side_of(stage, meaning), meaning.speed)
+        kept.append(Kept(stage, told, episode, verdict))
+    return kept
+
+
+def strips_of(table: pd.DataFrame, successes: str) -> pd.DataFrame:
+    """Six rows of the table, three of each: one success of `successes` for each action, and the
+    first failure for each of the three most frequent reasons of all models' failures.
+    """
+    own = table[table["condition"] == "test"]
+    good = own[(own["model"] == successes) & (own["success"] == 1)]
+    bad = own[own["success"] == 0]
+    reasons = bad["reason"].value_counts().index[:3]
+    rows = [good[good["action"] == action].iloc[[0]] for action in ACTIONS]
+    rows += [bad[bad["reason"] == reason].iloc[[0]] for reason in reasons]
+    return pd.concat(rows, ignore_index=True)
+
+
+def film(trained: Trained, eye: nn.Module, row) -> np.ndarray:
+    """An episode of the table, acted out again with the camera on: a few images, evenly spread."""
+    images = []
+    actor = Actor(trained, eye, row.sentence)
+
+    def watched(look, joints_rad):
+        images.append(look())
+        return actor(lambda: images[-1], joints_rad)
+
+    closed_loop.perform(closed_loop.stage_of(pattern(row.pattern), row.variation), watched)
+    return np.stack([images[i] for i in np.linspace(0, len(images) - 1, FRAMES_SHOWN).astype(int)])
+
+
+def write_strips(path, table: pd.DataFrame, weights, eye: nn.Module) -> None:
+    """Keep the film strips of `strips_of`, with a line of text for each."""
+    rows = strips_of(table, CHOSEN)
+    films = [
+        film(checkpoint.load(study.weights_of(weights, row.model, row.seed)), eye, row)
+        for row in rows.itertuples()
+    ]
+    texts = [f"{row.model}: {row.sentence} ({row.reason})" for row in rows.itertuples()]
+    np.savez_compressed(Path(path), films=np.stack(films), texts=np.array(texts))
+
+
+def keep(folder, table: pd.DataFrame, weights) -> None:
+    """Write both files into a folder, where the table has what they need and they are not there."""
+    mine = study.weights_of(weights, CHOSEN, 0)
+    paths = [Path(folder) / name for name in (EPISODES, STRIPS)]
+    if not mine.exists() or all(path.exists() for path in paths):
+        return
+    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    if not paths[0].exists():
+        write(paths[0], all_of(checkpoint.load(mine), eye))
+    write_strips(paths[1], table, weights, eye)

@@ -1,0 +1,194 @@
+"""The study of the closed loop on made-up data, and what it keeps for the pages."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from ptae_lite import artefacts, dataset, vision
+from ptae_lite.errors import ConfigError
+from ptae_lite.models import PTAEConfig, checkpoint
+from ptae_lite.studies import closed_loop as study
+from ptae_lite.studies import episodes
+from ptae_lite.training import Recipe, train
+
+TINY = {"hidden": 16, "heads": 2, "feed_forward": 32, "decoder_units": 12, "dropout": 0.0}
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    """Six samples to train and six to test, of our recording."""
+    whole = dataset.load()
+    chosen = np.concatenate([whole.split("train")[:12], whole.split("test")[:6]])
+    columns = ("joints", "features", "frames", "pattern", "variation", "cubes", "touched")
+    return replace(whole, **{name: getattr(whole, name)[chosen] for name in columns})
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """One epoch of a tiny model, and an arm that is given up after a few frames."""
+    monkeypatch.setattr(study, "RECIPES", {"ptae": Recipe(epochs=1, batch=6)})
+    monkeypatch.setattr(study, "PTAEConfig", lambda **choices: PTAEConfig(**TINY | choices))
+    monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 4)
+
+
+def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded, tmp_path):
+    models, conditions = ("blind", "aggregated"), ("replay", "test", "there_and_back")
+    table = study.study(recorded, tmp_path, tmp_path / "w", models, (0,), conditions)
+    counts = table.groupby(["model", "condition"]).size().to_dict()
+    assert counts == {
+        ("recorded joints", "replay"): 6,
+        ("blind", "test"): 6, ("blind", "there_and_back"): 2,
+        ("aggregated", "test"): 6, ("aggregated", "there_and_back"): 2,
+    }  # fmt: skip
+    assert set(table["success"]) <= {0, 1}
+    assert table[table["condition"] != "replay"]["duration"].max() == 4
+    assert table[table["condition"] == "test"]["sentence"].str.split().str.len().eq(3).all()
+    back = table["condition"] == "there_and_back"
+    for said in ("described", "described_held"):
+        assert (table[said].notna() == back).all()
+    scores = pd.read_csv(tmp_path / "closed_loop_models.csv")
+    assert set(scores["model"]) == {"blind", "aggregated"} and (scores["execute_nrmse"] > 0).all()
+    assert (tmp_path / "w" / "ptae_open_eyes_seed0.safetensors").exists()  # its episodes were taken
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    study.study(recorded, tmp_path, tmp_path / "w", models, (0,), conditions)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+@pytest.mark.parametrize("names", [{"models": ("deaf",)}, {"conditions": ("drunk",)}])
+def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_path, names):
+    with pytest.raises(ConfigError, match="no (model 'deaf'.*blind|condition 'drunk'.*displaced)"):
+        study.study(recorded, tmp_path, tmp_path, **names)
+    assert not any(tmp_path.iterdir())
+
+
+def test_what_a_model_saw_of_its_own_acts_is_a_film_of_99_frames(simulator, quick, recorded):
+    trained = study.make(recorded, "open eyes", 0)
+    own = recorded.split("train")[:2]
+    films = study.seen_in_own_episodes(trained, recorded, own)
+    assert list(films) == own.tolist()
+    for sample, film in films.items():
+        assert film.shape == (99, 30) and np.isfinite(film).all()
+        assert np.abs(film[0] - recorded.features[sample, 0]).max() < 0.05  # the same first look
+        last = recorded.frames[sample]
+        assert (film[last:] == film[-1]).all()
+
+
+def test_films_reach_execute_alone(source):
+    from ptae_lite.signals import build, refilm, signal_number
+
+    signals = torch.tensor([signal_number(s) for s in ("execute", "repeat action", "execute")])
+    batch = build(source, torch.tensor([0, 1, 2]), signals, torch.zeros(3, dtype=torch.long))
+    other = torch.full_like(batch.video[0], 7.0)
+    changed = refilm(batch, {0: other, 1: other})
+    assert (changed.video[0] == 7).all()
+    assert (changed.video[1:] == batch.video[1:]).all()
+    assert (batch.video[0] != 7).any()
+    assert changed.keys is batch.keys and changed.joints is batch.joints
+
+
+def test_training_takes_other_films_where_it_is_given_some(few, tiny):
+    recipe = Recipe(epochs=1, batch=8)
+    films = {int(i): [few.features[i, :99] + 1] for i in few.split("train")}
+    plain, other = (train(few, recipe, config=tiny, films=f) for f in (None, films))
+    weights = [model.model.action.cells[0].weight_ih for model in (plain, other)]
+    assert (weights[0] != weights[1]).any()
+
+
+@pytest.fixture(scope="module")
+def kept(simulator):
+    """Two episodes of a model that knows nothing, given up after a few frames."""
+    torch.manual_seed(0)
+    samples = dataset.load()
+    config = PTAEConfig(**TINY, film="first", padded=False, reminded=True)
+    from ptae_lite.dataset import fit_scaling
+    from ptae_lite.models.ptae import PTAE
+
+    scaling = fit_scaling(samples, samples.split("train")[:50])
+    trained = checkpoint.Trained(PTAE(config).eval(), scaling, {"eye": samples.eye})
+    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    stage = episodes.stages()["red and green"]
+    from ptae_lite.language import parse
+
+    told = ("push red slowly", "pull green fast", "slide cyan fast")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
+        made = [episodes.perform(trained, eye, stage, text, parse(text)) for text in told]
+    return trained, eye, made
+
+
+def test_episodes_come_back_as_they_were_kept(kept, tmp_path):
+    *_, made = kept
+    episodes.write(tmp_path / "e.npz", made[:2])
+    again = episodes.load(tmp_path / "e.npz")
+    for old, new in zip(made, again, strict=False):
+        assert (new.told, new.stage.colours) == (old.told, old.stage.colours)
+        assert np.allclose(new.episode.joints_rad, old.episode.joints_rad, atol=1e-6)
+        assert new.verdict.reason == old.verdict.reason
+
+
+def test_a_colour_that_is_not_there_is_no_success(kept):
+    verdict = kept[2][2].verdict
+    assert not verdict.success and verdict.reason == study.NOT_THERE
+
+
+def test_every_scene_lies_within_what_training_knows():
+    for stage in episodes.stages().values():
+        assert np.abs(stage.places_m - np.array(episodes.motions.NOMINAL_PLACES_M)).max() <= 0.012
+
+
+def test_strips_show_three_successes_and_three_kinds_of_failure():
+    rows = [
+        {"condition": "test", "model": model, "action": action, "success": success,
+         "reason": reason, "pattern": i}
+        for i, (model, action, success, reason) in enumerate([
+            ("blind", "push", 1, "done"), ("blind", "pull", 1, "done"),
+            ("blind", "slide", 1, "done"), ("ptae", "push", 0, "a"), ("ptae", "push", 0, "b"),
+            ("ptae", "push", 0, "b"), ("ptae", "pull", 0, "c"), ("blind", "push", 1, "done"),
+        ])
+    ]  # fmt: skip
+    chosen = episodes.strips_of(pd.DataFrame(rows), "blind")
+    assert chosen["pattern"].tolist()[:3] == [0, 1, 2]
+    assert sorted(chosen["reason"][3:]) == ["a", "b", "c"]
+
+
+def test_the_panel_finds_each_episode_and_says_its_verdict(kept):
+    from ptae_lite.display import episodes as shown
+
+    *_, made = kept
+    text = shown.verdict_text(made[0])
+    assert "NOT done" in text and "red cube (left)" in text and "slowly asked for" in text
+    assert "no cyan cube here" in shown.verdict_text(made[2])
+    html = shown.Shown(made[0])._repr_html_()
+    assert "NOT done" in html and "iframe" in html
+
+
+def test_the_box_acts_or_says_in_a_sentence_why_not(kept, monkeypatch):
+    from ptae_lite.display import episodes as shown
+
+    trained, eye, made = kept
+    box = shown.Box(trained, eye, made).widget()
+    scene, text, button, view = box.children
+    monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
+    text.value = "pull the red one"
+    button.click()
+    assert "a sentence has three words" in view.value
+    text.value = "push scarlet slowly"
+    button.click()
+    assert "red cube (left)" in view.value
+
+    def no_simulator():
+        from ptae_lite.errors import RobotError
+
+        raise RobotError("none")
+
+    monkeypatch.setattr(shown, "pybullet", no_simulator)
+    text.value = "move-up red slowly"
+    button.click()
+    assert "red cube (left)" in view.value  # the stored one with this meaning
+    text.value = "slide red slowly"
+    button.click()
+    assert "no PyBullet here" in view.value and button.disabled is False
+    assert scene.options == tuple(episodes.stages())
