@@ -43,9 +43,9 @@ def test_losses_by_hand(source):
 def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
     given, real = [], training.build
 
-    def build(source, samples, signals, alternative, hold, extra):
+    def build(source, samples, signals, alternative, hold, extra, told):
         given.append(extra)
-        return real(source, samples, signals, alternative, hold, extra)
+        return real(source, samples, signals, alternative, hold, extra, told)
 
     monkeypatch.setattr(training, "build", build)
     training.train(few, Recipe(epochs=20, batch=8, extra=0.25), config=tiny)
