@@ -136,6 +136,18 @@ def test_the_notebooks_keep_the_rules_of_chapters(name, student):
         assert list(rule(made)) == []
 
 
+def test_the_notebooks_pass_the_linter(tmp_path):
+    written = [str(path) for path in course.write(tmp_path / "out", FOLDER)]
+    command = [sys.executable, "-m", "ruff", "check", "--no-cache", "--output-format", "concise"]
+    command += [
+        "--config",
+        str(ROOT / "pyproject.toml"),
+        *[p for p in written if "instructor" in p],
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 # ---------------------------------------------------------------- what the answers state
 
 
@@ -167,8 +179,9 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
 
     told = played("05_incongruence", 0).names
     colour = [told["language"].parse(text).colour for text in told["said"]]
-    pairs = zip(colour, told["shown"], strict=True)
-    wrong = sum(a != told["language"].parse(b).colour for a, b in pairs)
+    wrong = sum(
+        a != told["language"].parse(b).colour for a, b in zip(colour, told["shown"], strict=True)
+    )
     assert wrong == 41 and round(told["followed"](told["said"], told["told"], told["shown"])) == 61
 
 
