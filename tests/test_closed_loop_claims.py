@@ -25,7 +25,7 @@ def of(table, model, condition="test"):
 def test_replayed_joints_are_the_upper_bound_and_a_model_told_nothing_the_lower(table, rates):
     replay = table[table["condition"] == "replay"]
     assert len(replay) == 216 and replay["success"].all()
-    assert rates["blank", "blind"].max() < 5
+    assert rates["blank", "blind"].median() < 5 and rates["blank", "blind"].max() < 15
 
 
 def test_the_aim_is_reached_by_the_blind_model(rates):
@@ -38,6 +38,7 @@ def test_the_papers_ptae_mostly_fails_though_its_error_is_the_smaller(table, rat
     error = scores.groupby("model")["execute_nrmse"].median()
     assert error["ptae"] < 2 and rates["test", "ptae"].median() < 50
     assert 1.5 < error["blind"] / error["ptae"] < 2
+    assert of(table, "ptae").query("success == 0")["reason"].mode()[0] == "the other cube was moved"
 
 
 def test_the_swapped_speed_word_is_obeyed(table):
@@ -65,14 +66,32 @@ def test_a_cube_is_moved_when_the_named_one_is_not_there(table):
     assert moved.mean() > 0.9
 
 
-def test_most_meanings_come_back(table):
-    own = of(table, "blind")
-    said = [str(text) for text in own["described"]]
-    back = [
-        len(text.split()) == 3 and parse(text) == parse(told)
-        for text, told in zip(said, own["sentence"], strict=True)
-    ]
-    assert 100 * sum(back) / len(back) > 90
-    assert {parse(told) for told, ok in zip(own["sentence"], back, strict=True) if ok} == set(
-        MEANINGS
-    )
+def test_own_films_open_the_eyes(table, rates):
+    opened, own = rates["test", "open eyes"], rates["test", "aggregated"]
+    assert opened.max() < 50 and own.min() > 99
+    assert (of(table, "aggregated")["success"] == 0).sum() == 1
+    assert rates["displaced", "aggregated"].min() > rates["displaced", "blind"].max()
+    failed = of(table, "open eyes").query("success == 0")["reason"]
+    assert not (failed == "the wrong speed").any()
+
+
+def test_one_training_without_the_reminder_lies_within_the_range_of_three_with_it(rates):
+    blind = rates["test", "blind"]
+    assert blind.min() < rates["test", "no padding"].item() < blind.max()
+    scores = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))
+    error = scores.groupby("model")["execute_nrmse"].agg(["min", "max"])
+    assert error.loc["first frame", "max"] / error.loc["first frame", "min"] > 1.5
+    assert error.loc["blind", "max"] / error.loc["blind", "min"] < 1.3
+
+
+def test_meanings_come_back_when_the_camera_goes_on(table):
+    back = table[table["condition"] == "there_and_back"]
+
+    def same(column):
+        pairs = zip(back[column].fillna(""), back["sentence"], strict=True)
+        return pd.Series([len(a.split()) == 3 and parse(a) == parse(b) for a, b in pairs])
+
+    ended, held = same("described"), same("described_held")
+    slow = (back["speed"] == "slowly").to_numpy()
+    assert not ended[slow].any() and ended[~slow].mean() > 0.75 and held.mean() > 0.85
+    assert {parse(text) for text in back["sentence"][held.to_numpy()]} == set(MEANINGS)

@@ -34,9 +34,9 @@ def small(monkeypatch, small_configs):
     """Trainings are of tiny models; keeps what each of their steps was built from."""
     built, real = [], training.build
 
-    def build(source, samples, signals, alternative, hold, told):
+    def build(source, samples, signals, alternative, hold, extra, told):
         built.append((samples.numpy(), signals.numpy(), told.numpy()))
-        return real(source, samples, signals, alternative, hold, told)
+        return real(source, samples, signals, alternative, hold, extra, told)
 
     small = {k: (make, lambda features, k=k: small_configs[k]) for k, (make, _) in MODELS.items()}
     monkeypatch.setattr(training, "MODELS", small)

@@ -236,8 +236,7 @@ def train(
             parts = (torch.from_numpy(part), signals, alternative, recipe.hold, extra)
             batch = build(source, *parts, torch.from_numpy(told))
             paired = np.isin(part, with_label)
-            if labelled is not None:
-                batch = replace(batch, paired=torch.from_numpy(paired))
+            batch = replace(batch, paired=torch.from_numpy(paired))
             about["supervised_presentations"] += int((np.isin(signals, need_label) & paired).sum())
             if films:
                 batch = refilm(batch, draw_films(rng, part, films, scaling))

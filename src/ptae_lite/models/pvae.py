@@ -174,9 +174,7 @@ class PVAE(nn.Module):
         c, codes = self.config, self.encode(batch, fast.summarise)
         to_say, to_do = (self.draw(code) for code in codes)
         answer = self.decode(batch, to_say, to_do, fast.act(self.action, to_do, batch))
-        said, done = (code.mean for code in codes)
-        if batch.paired is not None:
-            said, done = said[batch.paired], done[batch.paired]
+        said, done = (code.mean[batch.paired] for code in codes)
         bound = c.binding * binding(said, done, c.margin) if len(said) else said.sum()
         if c.variational:
             bound = bound + c.divergence * sum(divergence(code) for code in codes)
