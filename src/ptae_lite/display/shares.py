@@ -84,15 +84,14 @@ def by_presentations(table: pd.DataFrame) -> Figure:
     return style.closed(figure)
 
 
-def card(table, said, mode: str, model: str, share: float, live=None) -> Figure | str:
+def card(table, said, mode: str, model: str, share: float, live=None) -> Figure:
     """Where a model stands with a share, and what it says of some clips.
 
     `live` may be the rows and sentences of a training that was just run; they are shown instead.
+    Where the table has no such training, the figure says so.
     """
     here = rows_of(table, model, mode)
     here = here[here["share"] == share]
-    if live is None and here.empty:
-        return describe(table, said, mode, model, share)
     figure = plt.figure(figsize=(8.2, 4.9))
     grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
     axes = [figure.add_subplot(grid[0, column]) for column in range(2)]
@@ -107,7 +106,10 @@ def card(table, said, mode: str, model: str, share: float, live=None) -> Figure 
     _legend(figure, axes)
     text = figure.add_subplot(grid[1, :])
     text.axis("off")
-    _sentences(text, _answers(said, mode, model, share) if live is None else live[1])
+    if live is None and here.empty:
+        text.text(0, 0.8, describe(table, said, mode, model, share), transform=text.transAxes)
+    else:
+        _sentences(text, _answers(said, mode, model, share) if live is None else live[1])
     return style.closed(figure)
 
 
