@@ -140,5 +140,7 @@ def strips(path=None) -> Figure:
         for axis, image in zip(row, film, strict=True):
             axis.imshow(image)
             axis.set_axis_off()
-        row[0].set_title(text, loc="left", fontsize=8)
+        line = row[0].text(0, 1.06, text, fontsize=8, transform=row[0].transAxes)
+        line.set_in_layout(False)  # or the first picture would stand in a column as wide as it
+    figure.get_layout_engine().set(hspace=0.25)
     return style.closed(figure)
