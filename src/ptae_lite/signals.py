@@ -82,16 +82,13 @@ class Batch:
     word_mask: Bool[Tensor, "B 4"]
     joints: Float[Tensor, "B 99 5"]  # action target, zero beyond the clip
     step_mask: Bool[Tensor, "B 99"]  # which steps of it count
-    # whose sentence and clip are known to belong together, for PVAE's binding; None: of all
-    paired: Bool[Tensor, " B"] | None = None
 
     def to(self, device) -> Batch:
         """The same on another device."""
-        there = {n: None if v is None else v.to(device) for n, v in vars(self).items()}
-        return type(self)(**there)
+        return type(self)(**{name: value.to(device) for name, value in vars(self).items()})
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Blended(Batch):
     """A batch in which clips were blended in pairs (`blend`)."""
 
