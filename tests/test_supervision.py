@@ -13,6 +13,7 @@ from ptae_lite import dataset, training
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate, linear_describe_accuracy
 from ptae_lite.language import alternatives, parse, patterns
+from ptae_lite.models import PVAE
 from ptae_lite.models.checkpoint import MODELS
 from ptae_lite.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.studies import labels, supervision, tables
@@ -91,16 +92,27 @@ def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
 
 
 @pytest.mark.parametrize("variant", ["paper", "balanced"])
-def test_pvae_binds_labelled_pairs_alone(few, small, monkeypatch, variant):
-    bound, real = [], training.replace
+def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch, variant):
+    bound, real = [], PVAE.costs
 
-    def keep(batch, **changes):
-        bound.append(changes["paired"].numpy()) if "paired" in changes else None
-        return real(batch, **changes)
+    def costs(self, batch, paired):
+        bound.append(paired.numpy())
+        changed = replace(
+            batch, keys=torch.where(paired[:, None, None], batch.keys, batch.keys + 1)
+        )
+        found, moved = (real(self.eval(), each, paired)[2] for each in (batch, changed))
+        if paired.any() and not self.config.variational:  # the rest does not count
+            torch.testing.assert_close(found, moved)
+        return real(self, batch, paired)
 
-    monkeypatch.setattr(training, "replace", keep)
+    monkeypatch.setattr(PVAE, "costs", costs)
     this = job(25, model="pvae", variant=variant)
-    about = supervision.fit(few, this, Recipe(epochs=2, batch=8)).about
+    prae = replace(small_configs["pvae"], variational=False)
+    monkeypatch.setitem(training.MODELS, "pvae", (PVAE, type(prae)))
+    about = training.train(
+        few, Recipe(epochs=2, batch=8, balanced=variant == "balanced"), model="pvae", config=prae,
+        labelled=supervision.labelled(few, this),
+    ).about  # fmt: skip
     chosen = supervision.labelled(few, this)
     for paired, (part, *_) in zip(bound, small, strict=True):
         np.testing.assert_array_equal(paired, np.isin(part, chosen))

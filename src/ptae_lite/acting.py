@@ -59,7 +59,6 @@ class Actor:
             start=first[:, features.shape[2]:], words=none, word_mask=none > 0,
             joints=keys[:, :STEPS, features.shape[2]:],
             step_mask=torch.ones(1, STEPS, dtype=torch.bool),
-            paired=torch.ones(1, dtype=torch.bool),
         )  # fmt: skip
         return self.trained.model.encode(batch)[0]
 

@@ -82,7 +82,6 @@ class Batch:
     word_mask: Bool[Tensor, "B 4"]
     joints: Float[Tensor, "B 99 5"]  # action target, zero beyond the clip
     step_mask: Bool[Tensor, "B 99"]  # which steps of it count
-    paired: Bool[Tensor, " B"]  # whose words and clip are known to belong together, see PVAE
 
     def to(self, device) -> Batch:
         """The same on another device."""
@@ -203,7 +202,7 @@ def build(
 
     return Batch(
         tokens, token_mask, frames, keys, video, start, words, word_mask,
-        target * step_mask[..., None], step_mask, torch.ones(len(samples), dtype=torch.bool),
+        target * step_mask[..., None], step_mask,
     )  # fmt: skip
 
 

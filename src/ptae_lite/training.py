@@ -7,7 +7,7 @@ that count as labelled ever take part in a supervised signal.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from math import lcm
 
 import numpy as np
@@ -236,14 +236,13 @@ def train(
             parts = (torch.from_numpy(part), signals, alternative, recipe.hold, extra)
             batch = build(source, *parts, torch.from_numpy(told))
             paired = np.isin(part, with_label)
-            batch = replace(batch, paired=torch.from_numpy(paired))
             about["supervised_presentations"] += int((np.isin(signals, need_label) & paired).sum())
             if films:
                 batch = refilm(batch, draw_films(rng, part, films, scaling))
             if recipe.mixup:
                 batch = blend(batch, *draw_partners(rng, signals))
             with torch.device(device):  # what a model makes itself belongs there, too
-                costs = network.costs(batch.to(device))
+                costs = network.costs(batch.to(device), torch.from_numpy(paired).to(device))
             optimiser.zero_grad()
             sum(w * cost for w, cost in zip(weights, costs, strict=False)).backward()
             nn.utils.clip_grad_norm_(network.parameters(), recipe.clip)

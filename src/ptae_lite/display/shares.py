@@ -226,7 +226,8 @@ def _draw(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> None:
                       fillstyle="none", label=f"{NAMES[model]} in the paper's text")  # fmt: skip
     if column == "describe_accuracy":
         axis.axhline(CHANCE, color=style.GREY, linestyle=":", label="chance")
-    axis.set(ylabel=LABELS[column], xlabel=WHAT[mode], xscale="log")
+    reach = (0.85 * min(SHARES[mode]), max(SHARES[mode]) / 0.85)
+    axis.set(ylabel=LABELS[column], xlabel=WHAT[mode], xscale="log", xlim=reach)
     axis.set_ylim(*((-3, 106) if column == "describe_accuracy" else (0, None)))
     ticks = SHARES[mode]  # the last two are too close for two labels
     axis.set_xticks(ticks, ["" if tick == ticks[-2] else f"{tick:g}" for tick in ticks])

@@ -85,6 +85,6 @@ class PGAE(nn.Module):
         no_heads = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
         return Answer(self.language(code, WORDS_OUT), joints, code, no_heads)
 
-    def costs(self, batch: Batch) -> tuple[Tensor, ...]:
-        """Language and action loss, as training minimises them; words weighed by class."""
+    def costs(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
+        """Language and action loss, words weighed by class; `paired` is PVAE's alone."""
         return losses(self.quick(batch), batch, self.word_weights)

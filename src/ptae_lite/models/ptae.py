@@ -131,8 +131,8 @@ class PTAE(nn.Module):
         unseen = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
         return Answer(self.language(code, WORDS_OUT), joints, code, unseen)
 
-    def costs(self, batch: Batch) -> tuple[Tensor, ...]:
-        """Language and action loss, as training minimises them."""
+    def costs(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
+        """Language and action loss, as training minimises them; `paired` is PVAE's alone."""
         return losses(self.quick(batch), batch, self.word_weights)
 
     def _shown(self, batch: Batch) -> Batch:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -165,16 +165,18 @@ class PVAE(nn.Module):
         to_say, to_do = torch.where(by_action, done, said), torch.where(by_language, said, done)
         return self.decode(batch, to_say, to_do, self.action(to_do, batch.video, batch.start))
 
-    def costs(self, batch: Batch) -> tuple[Tensor, ...]:
+    def costs(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
         """Language and action loss of repeating both, and what binds and spreads the codes.
 
-        Only samples that are `paired` are bound. The halves share nothing else, so a clip and a
-        sentence of the others might as well be strangers.
+        Only samples that are `paired` are bound (all if None). The halves share nothing else, so a
+        clip and a sentence of the others might as well be strangers.
         """
         c, codes = self.config, self.encode(batch, fast.summarise)
         to_say, to_do = (self.draw(code) for code in codes)
         answer = self.decode(batch, to_say, to_do, fast.act(self.action, to_do, batch))
-        said, done = (code.mean[batch.paired] for code in codes)
+        said, done = (code.mean for code in codes)
+        if paired is not None and not paired.all():
+            said, done = said[paired], done[paired]
         bound = c.binding * binding(said, done, c.margin) if len(said) else said.sum()
         if c.variational:
             bound = bound + c.divergence * sum(divergence(code) for code in codes)
