@@ -29,7 +29,7 @@ def test_an_unknown_tier_is_refused_with_those_there_are(monkeypatch, name):
 
 
 def claims():
-    groups = {name: getattr(published, name) for name in ("REGULAR", "PGAE")}
+    groups = {name: getattr(published, name) for name in ("REGULAR",)}
     for name, group in (groups | published.BY_SHARE).items():
         for key, claim in group.items():
             yield pytest.param(claim, id=f"{name} {key}")

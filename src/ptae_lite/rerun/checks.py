@@ -26,7 +26,7 @@ from ptae_lite.models import checkpoint
 SAMPLES = "recording/samples.npz"
 
 
-class Verdict(NamedTuple):
+class Comparison(NamedTuple):
     agrees: bool
     says: str
 
@@ -35,18 +35,18 @@ class Check(NamedTuple):
     """How a file is compared: `compare(name, remade, stored)`, the two being data folders."""
 
     states: str  # the tolerance
-    compare: Callable[[str, Path, Path], Verdict]
+    compare: Callable[[str, Path, Path], Comparison]
 
 
-def judge(name: str, check: Check, remade: Path, stored: Path) -> Verdict:
+def judge(name: str, check: Check, remade: Path, stored: Path) -> Comparison:
     """Compare one file of the two folders; what cannot be compared does not agree."""
     made, kept = (artefacts.stored(name, folder) for folder in (remade, stored))
     if made.read_bytes() == kept.read_bytes():
-        return Verdict(True, "the same bytes")
+        return Comparison(True, "the same bytes")
     try:
         return check.compare(name, remade, stored)
     except (ValueError, KeyError, TypeError, OSError, zipfile.BadZipFile) as error:
-        return Verdict(False, f"cannot be compared ({error})")
+        return Comparison(False, f"cannot be compared ({error})")
 
 
 def near(pairs: dict[str, tuple], tolerances: dict[str, tuple[float, float]], share: float = 1.0):
@@ -66,8 +66,8 @@ def near(pairs: dict[str, tuple], tolerances: dict[str, tuple[float, float]], sh
             i = int(excess.argmax())
             furthest, worst = excess[i], f"; furthest: {name} {made[i]:.4g} for {was[i]:.4g}"
     if not count:
-        return Verdict(False, "they have nothing in common to compare")
-    return Verdict(kept >= share * count, f"{kept} of {count} numbers within{worst}")
+        return Comparison(False, "they have nothing in common to compare")
+    return Comparison(kept >= share * count, f"{kept} of {count} numbers within{worst}")
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:
@@ -81,7 +81,7 @@ def table(key: tuple, within: dict[str, tuple[float, float]], share: float = 0.9
     `within` gives tolerances by a regular expression of the column's name.
     """
 
-    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+    def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (pd.read_csv(folder / name) for folder in (remade, stored))
         columns = {
             column: next((room for p, room in within.items() if re.search(p, column)), None)
@@ -90,7 +90,7 @@ def table(key: tuple, within: dict[str, tuple[float, float]], share: float = 0.9
         columns = {column: room for column, room in columns.items() if room is not None}
         lost = [column for column in (*key, *columns) if column not in made]
         if lost:
-            return Verdict(False, f"has no column {lost[0]!r}")
+            return Comparison(False, f"has no column {lost[0]!r}")
         both = made.merge(was, on=list(key), suffixes=(" made", " was"))
         group = [column for column in key if column != "seed"]
         pairs = {}
@@ -113,13 +113,13 @@ def _room(absolute: float, relative: float) -> str:
 def arrays(within: dict[str, float], share: float = 0.99) -> Check:
     """An npz file: the named arrays within a tolerance, all others equal."""
 
-    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+    def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (_arrays(folder / name) for folder in (remade, stored))
         if {n: a.shape for n, a in made.items()} != {n: a.shape for n, a in was.items()}:
-            return Verdict(False, "its arrays have other names or shapes")
+            return Comparison(False, "its arrays have other names or shapes")
         for other in was.keys() - within.keys():
             if not np.array_equal(made[other], was[other]):
-                return Verdict(False, f"{other} is not the same")
+                return Comparison(False, f"{other} is not the same")
         pairs = {n: (made[n], was[n]) for n in within}
         return near(pairs, {n: (room, 0) for n, room in within.items()}, share)
 
@@ -127,20 +127,25 @@ def arrays(within: dict[str, float], share: float = 0.99) -> Check:
     return Check(f"{share:.0%} of its numbers: {rooms}; the rest equal", compare)
 
 
-def _shapes(name: str, remade: Path, stored: Path) -> Verdict:
+def _shapes(name: str, remade: Path, stored: Path) -> Comparison:
     made, was = (
         {n: a.shape for n, a in _arrays(folder / name).items()} for folder in (remade, stored)
     )
-    return Verdict(made == was, "the same arrays and shapes" if made == was else "other arrays")
+    return Comparison(made == was, "the same arrays and shapes" if made == was else "other arrays")
+
+
+def _names(name: str, remade: Path, stored: Path) -> Comparison:
+    made, was = (set(_arrays(folder / name)) for folder in (remade, stored))
+    return Comparison(made == was, "arrays of the same names" if made == was else "other arrays")
 
 
 def pictures(levels: float) -> Check:
     """A zip of pictures: the same names, each on average within so many of 255 levels."""
 
-    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+    def compare(name: str, remade: Path, stored: Path) -> Comparison:
         with zipfile.ZipFile(remade / name) as made, zipfile.ZipFile(stored / name) as was:
             if made.namelist() != was.namelist():
-                return Verdict(False, "holds other pictures")
+                return Comparison(False, "holds other pictures")
             off = [np.abs(_pixels(made, p) - _pixels(was, p)).mean() for p in was.namelist()]
         return near({"levels": (off, np.zeros(len(off)))}, {"levels": (levels, 0)}, 0.99)
 
@@ -154,7 +159,7 @@ def _pixels(file: zipfile.ZipFile, name: str) -> np.ndarray:
 def drawing(worse: float) -> Check:
     """An eye: how far what it draws of the stored first frames is from them, one-sided."""
 
-    def compare(name: str, remade: Path, stored: Path) -> Verdict:
+    def compare(name: str, remade: Path, stored: Path) -> Comparison:
         from ptae_lite import frames
 
         keys = [key for key in frames.stored_keys() if key[2] == 0][::4]
@@ -164,12 +169,12 @@ def drawing(worse: float) -> Check:
                 float((vision.load_eye(folder / name)(images) - images).abs().mean())
                 for folder in (remade, stored)
             )
-        return Verdict(made <= was * (1 + worse), f"error of a pixel {made:.4f} for {was:.4f}")
+        return Comparison(made <= was * (1 + worse), f"error of a pixel {made:.4f} for {was:.4f}")
 
     return Check(f"draws first frames at most {worse:.0%} worse", compare)
 
 
-def _readout(name: str, remade: Path, stored: Path) -> Verdict:
+def _readout(name: str, remade: Path, stored: Path) -> Comparison:
     scores = []
     for folder in (remade, stored):
         samples = dataset.load_stored(folder)
@@ -177,7 +182,7 @@ def _readout(name: str, remade: Path, stored: Path) -> Verdict:
     return near({"% read right": ([scores[0]], [scores[1]])}, {"% read right": (5, 0)})
 
 
-def _scores(name: str, remade: Path, stored: Path) -> Verdict:
+def _scores(name: str, remade: Path, stored: Path) -> Comparison:
     """Each model on the features of its own folder's eye."""
     made, was = (
         evaluate(checkpoint.load(folder / name), dataset.load_stored(folder))
@@ -188,5 +193,6 @@ def _scores(name: str, remade: Path, stored: Path) -> Verdict:
 
 
 SHAPES = Check("the same arrays and shapes; the numbers are another network's", _shapes)
+NAMES = Check("arrays of the same names; their lengths are another network's, too", _names)
 READOUT = Check("a weighted sum reads as many clips right, ± 5 points", _readout)
 SCORES = Check("accuracies ± 5 points, NRMSE ± 0.5 points", _scores)

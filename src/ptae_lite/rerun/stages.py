@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ptae_lite.rerun.checks import (
+    NAMES,
     READOUT,
     SCORES,
     SHAPES,
@@ -66,16 +67,20 @@ STAGES = (
           1, simulator=True),
     Stage("model", "ptae_lite train ptae --seed 0 --device {device} "
           "--out {out}/weights/ptae.safetensors", {"weights/ptae.safetensors": SCORES}, 3),
-    Stage("conflicts", "ptae_lite.studies.stories --out {out}/results", {
-        "results/incongruence.csv":
-            table(("signal", "conflict_in", "conflicts", "aspects"), {"accuracy": (15, 0)}, 0.8),
-        "results/incongruence_stories.csv":
-            table(("signal", "conflict_in", "conflicts", "aspects"), ANSWERS, 0.7),
-        "results/incongruence_joints.npz": SHAPES}),
+    Stage("conflicts", "ptae_lite study incongruence --weights {out}/weights --seeds {seeds} "
+          "--out {out}/results", {
+        "results/incongruence.csv": table(
+            ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
+            SCORED, 0.8)}, 0, 20),
+    Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
+        "results/incongruence_stories.csv": table(
+            ("sample", "signal", "conflict_in", "conflicts", "aspects"), ANSWERS, 0.7),
+        "results/incongruence_stories.npz": SHAPES}, simulator=True),
     Stage("supervision", "ptae_lite study supervision --seeds {seeds} --out {out}/results", {
         "results/supervision.csv":
             table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
-        "results/supervision_sentences.csv": table(("share", "seed", "sample"), ANSWERS, 0.7)},
+        "results/supervision_sentences.csv": table(
+            ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
         0, 12),
     Stage("family", "ptae_lite study family --workers 2 --seeds {seeds} --out {out}/results", {
         "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
@@ -88,6 +93,13 @@ STAGES = (
     Stage("eyes in use", "ptae_lite study eyes-ptae --eyes {out}/eyes --seeds {seeds} "
           "--out {out}/results",
           {"results/eyes_ptae.csv": table(("eye", "seed"), SCORED, 0.9)}, 0, 18, simulator=True),
+    Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
+          "--seeds {seeds} --out {out}/results", {
+        "results/closed_loop.csv": table(
+            ("model", "seed", "condition", "pattern", "variation"), {"^success$": (0, 0)}, 0.7),
+        "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
+        "results/closed_loop_episodes.npz": NAMES, "results/closed_loop_strips.npz": SHAPES,
+        "weights/ptae_blind_seed0.safetensors": SCORES}, 5, 40, simulator=True),
     Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip

@@ -31,7 +31,7 @@ Look = Callable[[], np.ndarray]  # the camera's image now, (120, 160, 3) uint8
 Act = Callable[[Look, np.ndarray], np.ndarray]
 
 
-class Stage(NamedTuple):
+class Setting(NamedTuple):
     """A scene to act in."""
 
     colours: tuple[str, str]  # of the left and the right cube
@@ -57,13 +57,13 @@ class Verdict(NamedTuple):
     frames: int
 
 
-def stage_of(pattern, variation: int) -> Stage:
+def stage_of(pattern, variation: int) -> Setting:
     """The scene of a recorded sample."""
     drawn = motions.draw(motions.sample_seed(pattern.index, variation))
-    return Stage((pattern.left, pattern.right), drawn.places_m, drawn.yaws_rad)
+    return Setting((pattern.left, pattern.right), drawn.places_m, drawn.yaws_rad)
 
 
-def perform(stage: Stage, act: Act, limit: int | None = None) -> Episode:
+def perform(stage: Setting, act: Act, limit: int | None = None) -> Episode:
     """Let `act(look, joints_rad)` move the arm in a fresh scene until it is done.
 
     An image takes most of a frame's time to compute, so it is made only for one who looks.

@@ -20,7 +20,7 @@ from ptae_lite.language import ACTIONS, SIDES, SPEEDS, Meaning, parse, pattern, 
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop, motions
-from ptae_lite.robot.closed_loop import Episode, Stage, Verdict
+from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
 from ptae_lite.studies import closed_loop as study
 
 EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
@@ -34,28 +34,28 @@ SCENES = (("red", "green"), ("cyan", "violet"), ("green", "yellow"))
 class Kept(NamedTuple):
     """An episode with what was told and where."""
 
-    stage: Stage
+    stage: Setting
     told: str
     episode: Episode
     verdict: Verdict
 
 
-def stages() -> dict[str, Stage]:
+def stages() -> dict[str, Setting]:
     """The scenes by name; where the cubes lie is drawn as in a recording, from other seeds."""
     drawn = [motions.draw(FIRST_SEED + i) for i in range(len(SCENES))]
     return {
-        f"{left} and {right}": Stage((left, right), place.places_m, place.yaws_rad)
+        f"{left} and {right}": Setting((left, right), place.places_m, place.yaws_rad)
         for (left, right), place in zip(SCENES, drawn, strict=True)
     }
 
 
-def side_of(stage: Stage, meaning: Meaning) -> str | None:
+def side_of(stage: Setting, meaning: Meaning) -> str | None:
     """Where the named cube stands, or None where there is no cube of its colour."""
     at = dict(zip(stage.colours, SIDES, strict=True))
     return at.get(meaning.colour)
 
 
-def perform(trained: Trained, eye: nn.Module, stage: Stage, told: str, meaning: Meaning) -> Kept:
+def perform(trained: Trained, eye: nn.Module, stage: Setting, told: str, meaning: Meaning) -> Kept:
     """Act out a sentence. Named colours that are not on the table make it no success."""
     episode = closed_loop.perform(stage, Actor(trained, eye, told))
     side = side_of(stage, meaning)

@@ -16,7 +16,7 @@ from ptae_lite.errors import RobotError
 from ptae_lite.evaluation import alternatives_for
 from ptae_lite.language import COLOURS, Pattern, pattern, sentence
 from ptae_lite.robot import closed_loop, motions
-from ptae_lite.robot.closed_loop import Stage
+from ptae_lite.robot.closed_loop import Setting
 from ptae_lite.robot.motions import PLACE_JITTER_M, VARIATIONS
 from ptae_lite.robot.scene import NOMINAL_PLACES_M
 
@@ -27,7 +27,7 @@ class Task(NamedTuple):
     """One episode to be acted out: the stage, the words, and what would be right."""
 
     sample: int  # its number, or that of the sample it was derived from
-    stage: Stage
+    stage: Setting
     told: str | None
     asked: Pattern  # whose action, side and speed count
 
