@@ -71,7 +71,8 @@ def test_every_stage_is_a_command_that_exists():
             assert vars(parser().parse_args(arguments))["run"]
         else:
             __import__(module)
-    assert "--seeds 0 1 " in " ".join(STAGES[6].arguments(out="o", seeds=range(2), device="cpu"))
+    supervision = next(one for one in STAGES if one.name == "supervision")
+    assert "--seeds 0 1 " in " ".join(supervision.arguments(out="o", seeds=range(2), device="cpu"))
 
 
 def test_a_run_makes_everything_once_and_says_what_agreed(tiny, settings, capsys):
