@@ -159,10 +159,11 @@ def workshop(samples, table, said, epochs: int = 15, seed: int = 0, **start) -> 
             trained = fit(samples, job, replace(RECIPES[model], epochs=epochs), progress=told)
         except ConfigError as error:
             return str(error)
+        tell("trained; now it is asked about the test clips")
+        live = pd.DataFrame([scores(trained, samples)]), examples(trained, samples)
         steps, shown = (trained.about[n] for n in ("steps", "supervised_presentations"))
         tell(f"trained: {steps} steps, {shown} samples shown with their label")
-        rows = pd.DataFrame([scores(trained, samples)])
-        return card(table, said, mode, model, share, live=(rows, examples(trained, samples)))
+        return card(table, said, mode, model, share, live=live)
 
     title = f"train it now ({epochs} epochs, about a minute)"
     return Workshop(panel(table, said, **start), work, title)
