@@ -81,6 +81,23 @@ def test_positions_that_show_the_same_share_a_frame():
     assert 'data-order="[0, 1, 2, 1, 3, 1]"' in made.html()
 
 
+class Scene:
+    """Stands for a scene: what a browser loads even where it is hidden."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def _repr_html_(self):
+        return f"<iframe title={self.name}></iframe>"
+
+
+def test_scenes_out_of_sight_are_laid_away():
+    frames, shown = frames_in(Panel(Scene, {"name": ["one", "two"]}, "Scenes").html())
+    assert shown == [True, False]
+    assert frames[0] == "<iframe title=one></iframe>"
+    assert frames[1] == "<template><iframe title=two></iframe></template>"
+
+
 def test_the_static_page_is_the_same_bytes_each_time():
     assert panel().html() == panel().html()
 

@@ -26,8 +26,8 @@ from ptae_lite.display import is_static
 from ptae_lite.errors import PTAEError
 
 # Runs when any control of the panel moves: shows the one frame that belongs to their positions.
-# Positions that show the same share a frame. A scene that goes out of sight is put back to its
-# start: a browser keeps only about 16 of them alive.
+# Positions that show the same share a frame. A frame with a scene is laid away in a template while
+# it is out of sight: browsers load scenes that are hidden, too, and keep only about 16 alive.
 # It is an attribute and not a script, so it needs no names that could occur twice on a page.
 _ON_INPUT = """
 let index = 0;
@@ -42,9 +42,14 @@ for (const row of this.querySelectorAll('[data-values]')) {
   }
 }
 this.querySelectorAll('[data-frame]').forEach((frame, i) => {
-  const leaves = !frame.hidden && i !== order[index];
-  frame.hidden = i !== order[index];
-  if (leaves && frame.querySelector('iframe')) frame.replaceWith(frame.cloneNode(true));
+  const shown = i === order[index], kept = frame.querySelector(':scope > template');
+  if (shown && kept) frame.replaceChildren(kept.content.cloneNode(true));
+  if (!shown && frame.querySelector('iframe')) {
+    const away = document.createElement('template');
+    away.innerHTML = frame.innerHTML;
+    frame.replaceChildren(away);
+  }
+  frame.hidden = !shown;
 });
 """
 
@@ -163,8 +168,9 @@ class Panel:
         number = {face: i for i, face in enumerate(dict.fromkeys(faces))}
         first = self.face(**self.start)
         frames = "".join(
-            f"<div data-frame{'' if face == first else ' hidden'}>{face}</div>" for face in number
-        )
+            f"<div data-frame>{face}</div>" if face == first
+            else f"<div data-frame hidden>{_laid_away(face)}</div>" for face in number
+        )  # fmt: skip
         return (
             f'<div data-ptae-embed="panel" role="group" aria-label="{escape(self.label)}" '
             f'oninput="{escape(_ON_INPUT)}" data-order="{[number[face] for face in faces]}">'
@@ -224,6 +230,10 @@ def as_html(made: Any, description: str) -> str:
             f'src="data:image/svg+xml;base64,{picture}">'
         )
     return f"<pre>{escape(made)}</pre>" if isinstance(made, str) else made._repr_html_()
+
+
+def _laid_away(face: str) -> str:
+    return f"<template>{face}</template>" if "<iframe" in face else face
 
 
 def _saved(figure: Figure, kind: str) -> bytes:
