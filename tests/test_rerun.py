@@ -142,9 +142,9 @@ def test_without_a_simulator_its_files_are_taken_and_called_so(tiny, settings, c
     assert artefacts.entry_of(NAMES[0], settings.data)["command"] == "x"
     assert [state for _, state in Rerun(settings, stages, simulator=False).plan()] == ["done"] * 3
     assert report.write(again) == 0
-    assert (
-        "not re-made  results/one.csv: needs PyBullet, so it was taken" in capsys.readouterr().out
-    )
+    out = capsys.readouterr().out
+    assert "not re-made  results/one.csv: needs PyBullet, so it was taken" in out
+    assert "not re-made  results/new.csv: needs PyBullet, and nothing is stored to take" in out
     assert (settings.out / "results/times_made.txt").read_text() == "two.csv\n"
 
 

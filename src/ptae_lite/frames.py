@@ -118,7 +118,7 @@ def training_images(folder, every: int = 3) -> np.ndarray:
 
     check_ours(folder, same_scene=False)
     return np.concatenate([
-        load_sequence(folder, p.index, variation).images[::every]
+        load_sequence(folder, p.index, variation).images[::every].copy()  # a view holds them all
         for p in patterns() if p.split == "train"
         for variation in range(VARIATIONS)
     ])  # fmt: skip

@@ -21,7 +21,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[3]
 GOOD, WARNING, PROBLEM = "good", "warning", "PROBLEM"
 MINIMUM = (3, 11)
-FREE_GB, MEMORY_GB = 2, 4  # a full re-run leaves some 0.5 GB, and its CAEs take 3 GB of memory
+FREE_GB, MEMORY_GB = 2, 3  # a full re-run leaves some 0.5 GB; a CAE takes 2.1 GB of memory
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 MANAGER = "labextensions/@jupyter-widgets/jupyterlab-manager/package.json"
 FRONT_END_OF = {"7": "3", "8": "5"}  # major versions: of ipywidgets, and of its part in JupyterLab
@@ -194,7 +194,7 @@ def check_memory(given: int | None = None) -> Finding:
     if whole is None:
         return Finding("memory", GOOD, "not asked on this system")
     if whole < 0.9 * MEMORY_GB * 1e9:
-        says = f"{whole / 1e9:.1f} GB: enough for the chapters; training a CAE takes {MEMORY_GB}"
+        says = f"{whole / 1e9:.1f} GB: enough for the chapters; training a CAE takes 2"
         return Finding("memory", WARNING, says)
     return Finding("memory", GOOD, f"{whole / 1e9:.1f} GB")
 

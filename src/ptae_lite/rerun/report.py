@@ -37,10 +37,12 @@ def rows(rerun: Rerun) -> list[Row]:
         for name, check in stage.makes.items():
             if not rerun.finished(stage):
                 row = (MISSING, "its stage was not finished")
+            elif name not in there:
+                made_now = entry["command"] != rerun.taken
+                row = (NEW, "nothing is stored to compare it with") if made_now else (
+                    TAKEN, "needs PyBullet, and nothing is stored to take")  # fmt: skip
             elif entry["command"] == rerun.taken:
                 row = (TAKEN, "needs PyBullet, so it was taken from data/")
-            elif name not in there:
-                row = (NEW, "nothing is stored to compare it with")
             else:
                 verdict = checks.judge(name, check, made, stored)
                 row = (AGREES if verdict.agrees else DIFFERS, verdict.says)
