@@ -43,7 +43,7 @@ def test_losses_by_hand(source):
 def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
     given, real = [], training.build
 
-    def build(source, samples, signals, alternative, hold, extra):
+    def build(source, samples, signals, alternative, hold, extra=None):
         given.append(extra)
         return real(source, samples, signals, alternative, hold, extra)
 

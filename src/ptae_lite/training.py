@@ -204,8 +204,11 @@ def train(
         batches = list(epoch_batches(rng, indices, labelled, recipe, mix))
         for part, signals in batches:
             alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
-            extra = torch.from_numpy(rng.random(len(part)) < recipe.extra) if recipe.extra else None
-            batch = build(source, torch.from_numpy(part), signals, alternative, recipe.hold, extra)
+            given = {}
+            if recipe.extra:
+                given["extra"] = torch.from_numpy(rng.random(len(part)) < recipe.extra)
+            part = torch.from_numpy(part)
+            batch = build(source, part, signals, alternative, recipe.hold, **given)
             if recipe.mixup:
                 batch = blend(batch, *draw_partners(rng, signals))
             with torch.device(device):  # what a model makes itself belongs there, too
