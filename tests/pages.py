@@ -76,12 +76,17 @@ def opened(browser, width="laptop"):
         if not request.url.startswith(("file:", "data:", "blob:", "about:")):
             wrong.append(f"asks for {request.url}")
 
+    def missed(request):
+        # one that its own page gave up, as a scene does that is put out of sight, is not missing
+        if "ERR_ABORTED" not in (request.failure or ""):
+            wrong.append(f"misses {request.url[:200]}")
+
     def said(message):
         if message.type == "error":
             wrong.append(f"console: {message.text}")
 
     page.on("request", asked)
-    page.on("requestfailed", lambda request: wrong.append(f"misses {request.url[:200]}"))
+    page.on("requestfailed", missed)
     page.on("console", said)
     page.on("pageerror", lambda error: wrong.append(f"error: {error}"))
     try:

@@ -223,6 +223,14 @@ def test_a_training_with_true_extra_input_turns_the_asymmetry_round(table):
     assert (single(rows, "repeat language", "action", "speed", "speed_taken") > 95).all()
 
 
+def test_in_motion_the_false_action_turns_round_as_well(table):
+    for model, sign in (("ptae", 1), ("ptae_congruent", -1)):
+        rows = table[table["model"] == model]
+        clip = single(rows, "execute", "action", "action")
+        word = single(rows, "repeat action", "language", "action")
+        assert (sign * clip).min() > (sign * word).max()
+
+
 def test_a_conflict_hardly_moves_the_attention_and_the_format_does(asked):
     samples, ptae, source, test = asked
     slow = test[samples.frames[test] == 100]

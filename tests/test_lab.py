@@ -174,8 +174,8 @@ def move_everything(page, cell):
     for i in range(controls.count()):
         control, before = controls.nth(i), shown.first.inner_html()
         if control.evaluate("one => one.tagName") == "SELECT":
-            values = control.locator("option").all_inner_texts()
-            now = control.evaluate("one => one.selectedOptions[0].innerText")
+            values = control.locator("option").all_text_contents()
+            now = control.evaluate("one => one.selectedOptions[0].textContent")
             control.select_option(label=next(value for value in values if value != now))
         else:
             control.focus()

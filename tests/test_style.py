@@ -45,7 +45,11 @@ def test_the_measure_finds_what_is_confused():
 
 
 def test_lines_that_stand_together_differ_in_more_than_colour():
-    assert len({dash for _, dash in conflicts.LOOKS}) == len(conflicts.LOOKS)
+    places = [conflicts.LOOKS[place][1:] for place in ("action", "vision", "proprioception")]
+    models = [look[2:] for look in conflicts.MODELS.values()]
+    for looks in (places, models):  # dash and mark
+        assert all(len(set(part)) == len(looks) for part in zip(*looks, strict=True))
+    assert len({hatch for _, hatch in conflicts.FILLS.values()}) == len(conflicts.FILLS)
 
 
 def test_a_vector_figure_is_the_same_bytes_each_time():
