@@ -333,7 +333,9 @@ def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path
     ("name", "module", "given"),
     [("eyes", eyes, ["R", "T", "W", [0, 2]]), ("eyes-ptae", eyes_ptae, ["T", "W", [0, 2]])],
 )
-def test_the_commands_run_the_studies(monkeypatch, capsys, name, module, given):
+def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, module, given):
+    monkeypatch.chdir(tmp_path)
+
     def study(samples, *asked, progress):
         assert samples == "stored" and list(asked) == given
         return pd.DataFrame({"eye": [1, 2, 3]})

@@ -13,21 +13,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from tqdm import tqdm
 
-from ptae_lite.console import guarded, refuse_data, whole_number
+from ptae_lite import study_command
+from ptae_lite.console import (
+    RECORDING,
+    bar,
+    caution,
+    data_options,
+    guarded,
+    refuse_data,
+    whole_number,
+)
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone, check_writable
 
-RECORDING = "build/recording"
 TRAINED = ("ptae", "pgae", "pvae", "prae", "cae", "plain-cae")
-DATA_HELP = "'recording' for the stored features, a recording's folder, or the authors' data folder"
-HOLDOUT_HELP = "patterns kept aside from an authors' folder without its test part"
-
-
-def bar(items, **options):
-    """A progress bar on the error stream."""
-    return tqdm(items, file=sys.stderr, dynamic_ncols=True, **options)
 
 
 def do_record(options) -> dict:
@@ -93,7 +93,7 @@ def do_train(options) -> dict:
     checkpoint.save(options.out, trained)
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
     made = {"weights": str(options.out), "steps": trained.about["steps"]}
-    return made | _rounded(scores) | _caution(samples)
+    return made | _rounded(scores) | caution(samples)
 
 
 def configured(model: str, features: int, settings):
@@ -124,106 +124,7 @@ def do_evaluate(options) -> dict:
     torch.set_num_threads(options.threads)
     trained = checkpoint.load(options.weights)
     samples = dataset.load(options.data, options.holdout)
-    return _rounded(evaluate(trained, samples, options.split)) | _caution(samples)
-
-
-def do_study(options) -> dict:
-    torch.set_num_threads(options.threads)
-    refuse_data(options.out, "build/results")
-    with alone(Path(options.out) / options.name):  # two would lose each other's rows
-        return STUDIES[options.name](options)
-
-
-def _supervision(options) -> dict:
-    from ptae_lite import dataset
-    from ptae_lite.studies import supervision
-
-    samples = dataset.load(options.data, options.holdout)
-    jobs = supervision.select(
-        supervision.grid(options.seeds), model=options.models, mode=options.modes,
-        variant=options.variants, share=options.shares,
-    )  # fmt: skip
-    table = supervision.study(
-        samples, options.out, jobs, workers=options.workers, cluster=options.cluster,
-        progress=lambda results, total: bar(results, total=total, desc="trainings"),
-    )  # fmt: skip
-    made = {"table": str(Path(options.out) / "supervision.csv"), "rows": len(table)}
-    return made | _caution(samples)
-
-
-def _eyes(options) -> dict:
-    from ptae_lite import dataset
-    from ptae_lite.studies import eyes
-
-    table = eyes.study(
-        dataset.load(), options.recording, options.out, options.eyes, options.seeds or (0, 1, 2),
-        progress=lambda jobs: bar(jobs, desc="trainings"),
-    )  # fmt: skip
-    return {"table": str(Path(options.out) / "eyes.csv"), "rows": len(table)}
-
-
-def _eyes_ptae(options) -> dict:
-    from ptae_lite import dataset
-    from ptae_lite.studies import eyes_ptae
-
-    table = eyes_ptae.study(
-        dataset.load(), options.out, options.eyes, options.seeds or (0, 1, 2),
-        progress=lambda jobs: bar(jobs, desc="trainings"),
-    )  # fmt: skip
-    return {"table": str(Path(options.out) / "eyes_ptae.csv"), "rows": len(table)}
-
-
-def _family(options) -> dict:
-    from ptae_lite import dataset
-    from ptae_lite.studies import family
-
-    samples = dataset.load(options.data, options.holdout)
-    table = family.study(
-        samples, options.out, options.variants or tuple(family.VARIANTS),
-        options.seeds or (0, 1, 2), options.weights, options.workers,
-        progress=lambda results, total: bar(results, total=total, desc="trainings"),
-    )  # fmt: skip
-    return {"table": str(Path(options.out) / "family.csv"), "rows": len(table)} | _caution(samples)
-
-
-def _incongruence(options) -> dict:
-    from ptae_lite import dataset
-    from ptae_lite.studies import incongruence_table
-
-    table = incongruence_table.study(
-        dataset.load(options.data, options.holdout), options.out,
-        options.variants or tuple(incongruence_table.MODELS), options.seeds or (0, 1, 2),
-        options.weights, progress=lambda results, total: bar(results, total=total, desc="models"),
-    )  # fmt: skip
-    return {"table": str(Path(options.out) / incongruence_table.FILE), "rows": len(table)}
-
-
-def _closed_loop(options) -> dict:
-    from ptae_lite import dataset
-    from ptae_lite.studies import closed_loop, episodes
-
-    folder = Path(options.out)
-    table = closed_loop.study(
-        dataset.load(), folder, options.weights or "build/weights",
-        options.variants or tuple(closed_loop.MODELS), options.seeds or (0, 1, 2),
-        options.conditions or tuple(closed_loop.CONDITIONS), options.workers,
-        progress=lambda results, total: bar(results, total=total, desc="jobs"),
-    )  # fmt: skip
-    episodes.keep(folder, table, options.weights or "build/weights")
-    return {"table": str(folder / "closed_loop.csv"), "rows": len(table)}
-
-
-STUDIES = {
-    "supervision": _supervision, "family": _family, "eyes": _eyes, "eyes-ptae": _eyes_ptae,
-    "incongruence": _incongruence, "closed-loop": _closed_loop,
-}  # fmt: skip
-
-
-def _caution(samples) -> dict:
-    """What must stand beside scores on patterns that only stand in for the test set."""
-    if samples.holdout is None:
-        return {}
-    return {"test_part": f"{samples.holdout} held-out training patterns, not the paper's test set"}
+    return _rounded(evaluate(trained, samples, options.split)) | caution(samples)
 
 
 def _rounded(scores: dict) -> dict:
@@ -275,9 +176,7 @@ def parser() -> argparse.ArgumentParser:
 
     train = command("train", do_train, "Train a model and write its weights.")
     train.add_argument("model", choices=TRAINED, help="what to train")
-    train.add_argument("--data", default="recording",
-                       help=DATA_HELP)  # fmt: skip
-    train.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
+    data_options(train)
     train.add_argument(
         "--seed", type=whole_number(0), default=0, help="seed of weights and batches"
     )
@@ -285,7 +184,7 @@ def parser() -> argparse.ArgumentParser:
     train.add_argument("--labelled", type=float, metavar="PERCENT",
                        help="share of the training samples that have a label")  # fmt: skip
     train.add_argument("--held-out", action="store_true",
-                       help="keep 18 training patterns aside and score on them")  # fmt: skip
+                       help="keep the held-out training patterns aside and score on them")  # fmt: skip
     train.add_argument("--steps", type=int, help="steps of a CAE (default: the recipe's)")
     train.add_argument(
         "--code", type=whole_number(1), default=10, help="features of a CAE (a channel)"
@@ -300,42 +199,12 @@ def parser() -> argparse.ArgumentParser:
 
     test = command("evaluate", do_evaluate, "Score a trained model, in percent.")
     test.add_argument("weights", help="safetensors file that `train` wrote")
-    test.add_argument("--data", default="recording",
-                      help=DATA_HELP)  # fmt: skip
-    test.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
+    data_options(test)
     test.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
     test.add_argument("--threads", type=whole_number(1), default=1, help="threads")
 
-    study = command("study", do_study, "Run an experiment; rows that are there are not run again.")
-    study.add_argument("name", choices=tuple(STUDIES), help="which experiment")
-    study.add_argument("--data", default="recording",
-                       help=DATA_HELP)  # fmt: skip
-    study.add_argument("--holdout", type=int, metavar="N", help=HOLDOUT_HELP)
-    study.add_argument("--shares", type=float, nargs="+", metavar="PERCENT",
-                       help="supervision: which shares of labels")  # fmt: skip
-    study.add_argument("--models", nargs="+", metavar="NAME", help="supervision: which models")
-    study.add_argument("--modes", nargs="+", metavar="NAME",
-                       help="supervision: samples, iterations")  # fmt: skip
-    study.add_argument("--variants", nargs="+", metavar="NAME",
-                       help="family, supervision: which variants; incongruence, closed-loop: "
-                            "which models")  # fmt: skip
-    study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
-    study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
-    study.add_argument("--workers", type=whole_number(1), default=1,
-                       help="family, supervision, closed-loop: trainings side by side")  # fmt: skip
-    study.add_argument("--cluster", metavar="ADDRESS",
-                       help="supervision: a Dask scheduler whose workers do the trainings; on a "
-                            "trusted network only")  # fmt: skip
-    study.add_argument("--weights", metavar="FOLDER",
-                       help="family, incongruence, closed-loop: keep the trained models here; "
-                            "the last two do not train what is there")  # fmt: skip
-    study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
-    study.add_argument("--eyes", default="build/eyes",
-                       help="eyes: folder of the CAEs and their features")  # fmt: skip
-    study.add_argument(
-        "--threads", type=whole_number(1), default=1, help="threads inside one training"
-    )
-    study.add_argument("--out", default="build/results", help="folder of the tables")
+    text = "Run an experiment; rows that are there are not run again."
+    study_command.add_options(command("study", study_command.run, text))
     return main
 
 

@@ -8,11 +8,39 @@ from collections.abc import Callable
 from concurrent.futures import BrokenExecutor
 from pathlib import Path
 
+from tqdm import tqdm
+
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import cannot_write
 
 INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
+RECORDING = "build/recording"
+
+
+def bar(items, **options):
+    """A progress bar on the error stream."""
+    return tqdm(items, file=sys.stderr, dynamic_ncols=True, **options)
+
+
+def data_options(parser: argparse.ArgumentParser) -> None:
+    """Which samples a command works on."""
+    parser.add_argument(
+        "--data", default="recording",
+        help="'recording' for the stored features, a recording's folder, or the authors' data "
+             "folder",
+    )  # fmt: skip
+    parser.add_argument(
+        "--holdout", type=int, metavar="N",
+        help="patterns kept aside from an authors' folder without its test part",
+    )  # fmt: skip
+
+
+def caution(samples) -> dict:
+    """What must stand beside scores on patterns that only stand in for the test set."""
+    if samples.holdout is None:
+        return {}
+    return {"test_part": f"{samples.holdout} held-out training patterns, not the paper's test set"}
 
 
 def guarded(name: str, work: Callable[[], int | None]) -> int:

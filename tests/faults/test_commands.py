@@ -14,7 +14,7 @@ import torch
 from watch import environment, unchanged
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts, dataset, files, frames, training, vision
+from ptae_lite import artefacts, dataset, files, frames, study_command, training, vision
 from ptae_lite.errors import FileError
 from ptae_lite.robot import recorder, scene
 from ptae_lite.studies import tables
@@ -243,7 +243,9 @@ def test_a_disk_that_is_full_in_the_middle_of_a_study(refused, few_stored, tmp_p
     table = tmp_path / "family.csv"
     pd.DataFrame({"data": ["x"], "variant": ["PTAE"], "seed": [9]}).to_csv(table, index=False)
     row = pd.DataFrame({"data": ["recording"], "variant": ["PTAE"], "seed": [0]})
-    monkeypatch.setitem(cli.STUDIES, "family", lambda _: tables.add(table, row, list(row)))
+    monkeypatch.setitem(
+        study_command.STUDIES, "family", lambda _: tables.add(table, row, list(row))
+    )
     monkeypatch.setattr(pd.DataFrame, "to_csv", full_disk)
     before = table.read_bytes()
     message = refused("study", "family", "--out", tmp_path)

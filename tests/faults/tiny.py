@@ -38,13 +38,13 @@ def samples():
 def command(*arguments) -> int:
     """`python -m ptae_lite ARGUMENTS` on the made-up samples, with slow and tiny trainings."""
     import ptae_lite.__main__ as cli
-    from ptae_lite import dataset, training
+    from ptae_lite import dataset, study_command, training
 
     real, many = training.Recipe, samples()
     for model in training.RECIPES:
         training.RECIPES[model] = real(epochs=3, batch=8)
     dataset.load = lambda *_: many
-    cli.bar = slow
+    cli.bar = study_command.bar = slow
     return cli.main([*arguments])
 
 
