@@ -184,7 +184,7 @@ def parser() -> argparse.ArgumentParser:
     train.add_argument("--labelled", type=float, metavar="PERCENT",
                        help="share of the training samples that have a label")  # fmt: skip
     train.add_argument("--held-out", action="store_true",
-                       help="keep the held-out training patterns aside and score on them")  # fmt: skip
+                       help="keep the held-out patterns aside and score on them")  # fmt: skip
     train.add_argument("--steps", type=int, help="steps of a CAE (default: the recipe's)")
     train.add_argument(
         "--code", type=whole_number(1), default=10, help="features of a CAE (a channel)"
