@@ -52,6 +52,14 @@ def test_what_fails_with_the_first_frame_is_mostly_the_speed(table):
     assert failed["reason"].value_counts(normalize=True)["the wrong speed"] > 0.5
 
 
+def test_with_the_first_frame_alone_the_error_tells_little_about_success(rates):
+    scores = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))
+    error = scores.set_index(["model", "seed"])["execute_nrmse"]
+    near = error["first frame"][error["first frame"] < error["blind"].max()]
+    assert len(near)
+    assert rates["test", "first frame"][near.index].max() < rates["test", "blind"].min() / 1.5
+
+
 def test_new_families_are_confused_and_displaced_cubes_missed(table, rates):
     for condition in ("displaced", "new_family"):
         assert rates[condition, "blind"].median() < rates["test", "blind"].min()

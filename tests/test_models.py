@@ -255,6 +255,13 @@ def test_a_file_of_something_else_is_no_model(tmp_path):
         checkpoint.load(path)
 
 
+def test_weights_that_do_not_say_by_which_eye_are_refused(tmp_path):
+    path = tmp_path / "w.safetensors"
+    artefacts.save_weights(path, {"x": torch.zeros(1)}, {"kind": "ptae"})
+    with pytest.raises(ArtefactError, match="does not say whose features it was trained on"):
+        checkpoint.load(path)
+
+
 def test_features_of_another_eye_are_refused(trained, few):
     with pytest.raises(ArtefactError, match="features of the CAE eeeeeeeeeeee, .* of ffffffffffff"):
         trained.dataset(replace(few, eye="f" * 64))

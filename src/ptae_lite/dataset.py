@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from ptae_lite import artefacts, authors
 from ptae_lite.errors import ArtefactError, ConfigError, RecordingError
-from ptae_lite.files import whole
+from ptae_lite.files import write_arrays
 from ptae_lite.language import patterns
 from ptae_lite.splits import patterns_of
 
@@ -310,5 +310,4 @@ def write_features(path, features: list[np.ndarray], eye_file) -> None:
     """
     eye = hashlib.sha256(Path(eye_file).read_bytes()).hexdigest()
     rows = np.concatenate(features).astype(np.float16)
-    with whole(path) as beside, beside.open("wb") as file:
-        np.savez_compressed(file, features=rows, eye=np.array(eye))
+    write_arrays(path, features=rows, eye=np.array(eye))

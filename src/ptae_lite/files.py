@@ -6,6 +6,7 @@ import os
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 from filelock import FileLock, Timeout
 
 from ptae_lite.errors import FileError
@@ -33,6 +34,12 @@ def whole(path):
     finally:
         with suppress(OSError):
             beside.unlink(missing_ok=True)
+
+
+def write_arrays(path, **arrays) -> None:
+    """An `.npz` file of arrays, whole or not at all."""
+    with whole(path) as beside, beside.open("wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def _beside(path: Path) -> Path:

@@ -19,9 +19,10 @@ sys.modules["pybullet"] = None  # as where there is no wheel
 # What only has to be imported once is imported before the watch begins: modules are code.
 import ptae_lite.__main__ as cli  # noqa: E402
 from ptae_lite import artefacts, dataset, evaluation, frames, published, vision  # noqa: E402, F401
+from ptae_lite.display import episodes as shown  # noqa: E402
 from ptae_lite.display import pictures, showcase  # noqa: E402, F401
 from ptae_lite.models import checkpoint  # noqa: E402
-from ptae_lite.studies import family, stories  # noqa: E402, F401
+from ptae_lite.studies import episodes, family, stories  # noqa: E402, F401
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 SOCKETS = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.gethostbyname")
@@ -57,7 +58,9 @@ def read_everything() -> None:
         vision.encode_images(eye, frames.images(frames.stored_keys()[:2]))
     trained = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
     evaluation.evaluate(trained, samples, "held_out")
-    stories.load(samples)
+    stories.load()
+    episodes.load()
+    shown.strips()
     showcase.panel(samples)
 
 

@@ -292,3 +292,12 @@ def test_a_disk_that_is_full_when_a_notebook_is_written(tmp_path, monkeypatch, c
     with unchanged(tmp_path):
         assert pairs.main([]) == 1
     assert "01_x.ipynb cannot be written (No space left on device)" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", [b"", b"\x80\x00not a table", b"a,b\n1,2\n"])
+def test_a_study_into_a_folder_whose_table_is_another_file(refused, few_stored, tmp_path, content):
+    (tmp_path / "family.csv").write_bytes(content)
+    message = refused("study", "family", "--out", tmp_path)
+    assert "family.csv is no table of this study (" in message
+    assert "move it away, or name another --out" in message
+    assert (tmp_path / "family.csv").read_bytes() == content

@@ -60,7 +60,7 @@ def test_a_locale_without_utf8(project):
         "from ptae_lite.studies import stories\n"
         "from ptae_lite.display import contents\n"
         "from pathlib import Path\n"
-        "stories.load(dataset.load())\n"
+        "stories.load()\n"
         "contents.Contents(Path(sys.argv[1]))\n"
         "sys.exit(console.guarded('read', lambda: print('M\\u00fcller \\u2192 \\u0410')))\n"
     )

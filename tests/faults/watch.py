@@ -42,8 +42,13 @@ def start(*job, **more) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, str(TINY), *map(str, job)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
-        env=environment(**more),
+        env=environment(**more), preexec_fn=heed_ctrl_c if os.name == "posix" else None,
     )  # fmt: skip
+
+
+def heed_ctrl_c() -> None:
+    """A shell that runs the tests in its background has them, and what they start, ignore it."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def finish(process) -> tuple[int, str]:

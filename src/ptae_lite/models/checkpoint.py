@@ -66,6 +66,8 @@ def load(path) -> Trained:
             f"{path} holds no model of ours but {about.get('kind')!r}; "
             f"models are {', '.join(MODELS)}"
         )
+    if "eye" not in about:
+        raise ArtefactError(f"{path} does not say whose features it was trained on; train it again")
     make, make_config = MODELS[about["kind"]]
     parts = {"model": {}, "scaling": {}}
     with artefacts.fits_itself(path):

@@ -24,7 +24,7 @@ from joblib import Parallel, delayed
 
 from ptae_lite import language
 from ptae_lite.errors import RecordingError
-from ptae_lite.files import PART, alone, whole
+from ptae_lite.files import PART, alone, whole, write_arrays
 from ptae_lite.language import Pattern, patterns
 from ptae_lite.robot import arm, motions, scene, urdf
 
@@ -167,8 +167,7 @@ def check_ours(folder: str | Path, *, same_scene: bool = True) -> dict:
 def _record_to(folder: Path, index: int, variation: int) -> None:
     made = record_sequence(patterns()[index], variation)
     path = sequence_path(folder, index, variation)
-    with whole(path) as beside, beside.open("wb") as file:
-        np.savez_compressed(file, **vars(made))
+    write_arrays(path, **vars(made))
 
 
 def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
@@ -225,6 +224,5 @@ def gather(folder) -> Path:
         columns["frames"].append([len(made.joints_rad)])
     path = folder / "samples.npz"
     arrays = {name: np.concatenate(parts) for name, parts in columns.items()}
-    with whole(path) as beside, beside.open("wb") as file:
-        np.savez_compressed(file, **arrays)
+    write_arrays(path, **arrays)
     return path

@@ -16,6 +16,7 @@ from torch import nn
 
 from ptae_lite import artefacts, vision
 from ptae_lite.acting import Actor
+from ptae_lite.files import write_arrays
 from ptae_lite.language import ACTIONS, SIDES, SPEEDS, Meaning, parse, pattern, sentence
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
@@ -77,7 +78,7 @@ def all_of(trained: Trained, eye: nn.Module, progress=lambda jobs: jobs) -> list
 
 def write(path, kept: list[Kept]) -> None:
     """Keep episodes in one file; joints in radians and cubes in metres, single precision."""
-    np.savez_compressed(
+    write_arrays(
         path,
         told=np.array([one.told for one in kept]),
         scene=np.array([" and ".join(one.stage.colours) for one in kept]),
@@ -138,7 +139,7 @@ def write_strips(path, table: pd.DataFrame, weights, eye: nn.Module) -> None:
         for row in rows.itertuples()
     ]
     texts = [f"{row.model}: {row.sentence} ({row.reason})" for row in rows.itertuples()]
-    np.savez_compressed(Path(path), films=np.stack(films), texts=np.array(texts))
+    write_arrays(path, films=np.stack(films), texts=np.array(texts))
 
 
 def keep(folder, table: pd.DataFrame, weights) -> None:

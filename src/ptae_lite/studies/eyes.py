@@ -21,6 +21,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from ptae_lite import artefacts, dataset, frames, pca, vision
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
+from ptae_lite.files import write_arrays
 from ptae_lite.robot.recorder import load_sequence, samples_in_order
 from ptae_lite.studies import eye_scores, tables
 
@@ -198,7 +199,7 @@ def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
         else:
             weights = bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
         shown[name] = eye_scores.drawn(vision.load_eye(weights))
-    np.savez_compressed(bench.table.with_name("eyes_drawings.npz"), **shown)
+    write_arrays(bench.table.with_name("eyes_drawings.npz"), **shown)
 
 
 def features_are_of(path: Path, weights: Path) -> bool:

@@ -25,6 +25,7 @@ from ptae_lite import artefacts, dataset
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import PTAEError
 from ptae_lite.evaluation import poses, sentences
+from ptae_lite.files import whole, write_arrays
 from ptae_lite.language import ACTIONS, pattern
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
@@ -119,12 +120,12 @@ def film(folder, samples: Samples, index: int) -> UInt8[np.ndarray, "12 shots he
 
 def write(folder, trained: Trained, samples: Samples, films) -> list[Path]:
     """Write the stories of the first test clip."""
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    told, kept = (Path(folder) / name for name in (TOLD, KEPT))
     stories = tell(trained, samples, int(samples.split("test")[0]), films)
-    stories.told.to_csv(folder / TOLD, index=False)
-    np.savez_compressed(folder / KEPT, joints=stories.joints, films=films)
-    return [folder / name for name in (TOLD, KEPT)]
+    with whole(told) as beside:
+        stories.told.to_csv(beside, index=False)
+    write_arrays(kept, joints=stories.joints, films=films)
+    return [told, kept]
 
 
 def load(find=lambda name: artefacts.stored(f"results/{name}")) -> Stories:

@@ -131,9 +131,7 @@ def run_one(samples: Samples, job: Job, recipe: Recipe | None = None, split: str
     """Train and score one job: its rows, and its sentences (none of the linear baseline).
 
     Args:
-        recipe: the model's own if None. No other one served few labels better: on held-out
-            patterns, more dropout, weight decay, noise, weaker blends or none, another learning
-            rate and fewer steps gave no more right descriptions.
+        recipe: the model's own if None.
         split: `fit` while settings are chosen; the scores are then of `held_out`.
     """
     scored, begun = "test" if split == "train" else "held_out", time.process_time()

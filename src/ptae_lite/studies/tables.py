@@ -9,14 +9,28 @@ import pandas as pd
 import torch
 from joblib import Parallel, delayed, parallel_config
 
-from ptae_lite.errors import ConfigError
+from ptae_lite.errors import ArtefactError, ConfigError
+from ptae_lite.files import whole
 
 PATIENCE_S = 10  # for a scheduler to answer
 
 
 def read(path: Path, key: list[str]) -> pd.DataFrame:
-    """A table, or an empty one with the columns of `key`."""
-    return pd.read_csv(path) if Path(path).exists() else pd.DataFrame(columns=key)
+    """A table, or an empty one with the columns of `key`.
+
+    Raises:
+        ArtefactError: the file is no table, or one without these columns.
+    """
+    if not Path(path).exists():
+        return pd.DataFrame(columns=key)
+    try:
+        table = pd.read_csv(path)
+        table[key]
+    except (ValueError, KeyError) as error:  # pandas' own are ValueErrors
+        raise ArtefactError(
+            f"{path} is no table of this study ({error}); move it away, or name another --out"
+        ) from None
+    return table
 
 
 def there(path: Path, key: list[str]) -> set[tuple]:
@@ -29,15 +43,12 @@ def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None 
 
     Rows of the same key are replaced: a training may have been stopped between its two tables.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.exists():
-        old = pd.read_csv(path)
+    old = read(path, key)
+    if len(old):
         again = _index(old, key).isin(_index(rows, key))
         rows = pd.concat([old[~again], rows], ignore_index=True)
-    beside = path.with_name(path.name + ".part")
-    rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
-    beside.replace(path)
+    with whole(path) as beside:
+        rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
 
 
 def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
