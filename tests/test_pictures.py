@@ -116,7 +116,8 @@ def test_travel_has_a_dot_for_each_sample():
     assert [label.get_text() for label in axes.get_yticklabels()] == ["push", "pull"]
 
 
-def test_a_png_is_small_and_the_same_bytes_each_time(cubes):
+def test_a_png_is_small_and_the_same_bytes_each_time(cubes, monkeypatch):
+    monkeypatch.setitem(plt.rcParams, "figure.constrained_layout.use", True)  # as in a chapter
     figure = pictures.arm_drawing(home_rad(), cubes, ("red", "blue"))
     made = pictures.png(figure)
     assert made == pictures.png(figure) and len(made) < 100_000
