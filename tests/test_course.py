@@ -10,9 +10,12 @@ from itertools import product
 from pathlib import Path
 
 import nbformat
+import numpy as np
+import pandas as pd
 import pytest
 from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_network
 
+from ptae_lite import artefacts, dataset, evaluation, language
 from ptae_lite.display import course, hints, pairs
 from ptae_lite.display.panels import Panel
 from ptae_lite.errors import ArtefactError
@@ -93,7 +96,7 @@ def played():
 def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
     chapters = [md.stem for md in pairs.chapters(ROOT / "book")]
     assert set(NAMES) <= set(chapters)
-    assert set(chapters[:5]) <= set(NAMES)
+    assert set(chapters[:6]) <= set(NAMES)
     assert all(2 <= len(sheet.exercises) <= 3 for sheet in SHEETS)
     assert {one.kind for sheet in SHEETS for one in sheet.exercises} == set(course.KINDS)
 
@@ -153,7 +156,6 @@ def test_the_notebooks_pass_the_linter(tmp_path):
 
 def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     """Where an answer in words names a number, here it is computed."""
-    np = pytest.importorskip("numpy")
     first = played("01_simulation", 0).names
     cube, edge = first["cubes"][0, :3], first["scene"].CUBE_EDGE_M
     top = cube + [0, 0, edge / 2]
@@ -177,12 +179,90 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     assert words[0] in ("slowly", "unhurriedly")
     assert {words[1], words[50]} <= {"fast", "quickly"}
 
+    few = played("04_limited_supervision", 0).names
+    assert few["coverage"](5).axes[0].get_title() == "5 % labelled: 33 samples"
+    for share, samples, all_six in ((1, 7, 4), (4, 26, 93), (100 * 28 / 648, 28, 95)):
+        axes = few["coverage"](share).axes[0]
+        bars = dict(zip([t.get_text() for t in axes.get_yticklabels()], axes.patches, strict=True))
+        assert axes.get_title().endswith(f": {samples} samples")
+        assert int(bars["6 colours"].get_width()) == all_six
+    assert round(0.98**34, 1) == 0.5 and round(0.98**148, 2) == 0.05
+    table = pd.read_csv(artefacts.stored("results/supervision.csv")).query("share == 2")
+    (described,) = table.query("model == 'ptae' and variant == 'balanced'")["describe_accuracy"]
+    draws = table.query("model == 'linear' and variant == 'random'")["describe_accuracy"]
+    assert round(described) == 25 and round(draws.max() / draws.min()) == 3
+
     told = played("05_incongruence", 0).names
     colour = [told["language"].parse(text).colour for text in told["said"]]
     wrong = sum(
         a != told["language"].parse(b).colour for a, b in zip(colour, told["shown"], strict=True)
     )
     assert wrong == 41 and round(told["followed"](told["said"], told["told"], told["shown"])) == 61
+
+    def differ(aspect, said, other):
+        parsed = [
+            [getattr(told["language"].parse(t), aspect) for t in row] for row in (said, other)
+        ]
+        return [a != b for a, b in zip(*parsed, strict=True)]
+
+    shown, rng = told["shown"], np.random.default_rng(0)
+    false = [told["false_sentence"](text, ("action",), rng) for text in shown]
+    said = told["describe"](told["test"], false)
+    wrong, unbelieved = differ("action", said, shown), differ("action", said, false)
+    assert sum(wrong) == 66 and not any(w and u for w, u in zip(wrong, unbelieved, strict=True))
+    false = [told["false_sentence"](text, ("speed",), rng) for text in shown]
+    assert not any(differ("speed", told["describe"](told["test"], false), shown))
+    for words, same in ((shown, 205), (None, 19)):
+        said = told["describe"](told["test"], words)
+        assert sum(a == b for a, b in zip(said, shown, strict=True)) == same
+
+
+def test_the_numbers_of_the_loops_answers_are_those_of_its_table(played):
+    play = played("06_closed_loop", 0)
+    loop = play.names
+    counts = loop["counts"].groupby(loop["own"]["model"]).sum()
+    assert (counts["all three"] == loop["own"].groupby("model")["success"].sum()).all()
+    assert counts.loc["first frame"].tolist() == [269, 279, 269, 557]
+    assert counts.loc["ptae"].tolist() == [64, 89, 64, 137]
+    assert counts.loc["blind", "any other cube"] - counts.loc["blind", "all three"] == 2
+    assert all(one.episode.stopped == "home" for one in loop["kept"])
+
+    new = [one for one in loop["kept"] if one.stage.colours == ("green", "yellow")]
+    far = [loop["rightness"](one) for one in new]
+    near = [loop["rightness"](one) for one in loop["known"]]
+    assert len(new) == 12 and round(min(far), 2) == 0.10 and round(max(far), 2) == 0.87
+    assert max(min(abs(u), abs(u - 1)) for u in near) < 0.045
+    by_text = {one.told: one for one in new}
+    for text, at in (("push green fast", 0.85), ("push yellow slowly", 0.37)):
+        assert round(loop["rightness"](by_text[text]), 2) == at
+        assert by_text[text].verdict.reason == "the other cube was moved"
+    assert round(by_text["slide green fast"].verdict.named_mm) == -168
+    assert [by_text[f"pull yellow {s}"].verdict.success for s in ("slowly", "fast")] == [
+        False,
+        True,
+    ]
+    failed = loop["table"].query("condition == 'new_family' and success == 0")["reason"]
+    assert failed.value_counts().tolist() == [31, 7]
+
+
+def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simulator):
+    """Exercise 6.3: joints of ten frames ago, by the error and in the simulator."""
+    judge = played("06_closed_loop", 0).names["closed_loop"]
+    samples = dataset.load("recording")
+    test, scaling = samples.split("test"), dataset.fit_scaling(samples, samples.split("train"))
+    ago = np.maximum(np.arange(1, 100) - 10, 0)
+    late = np.stack([samples.joints[i, np.minimum(ago, samples.frames[i] - 1)] for i in test])
+    assert round(evaluation.nrmse(late, samples, test, scaling)[0]) == 18
+    assert round(evaluation.references(samples, scaling)["mean trajectory"][0]) == 11
+    tried = test[::9]
+    for i in tried:
+        joints = samples.joints[i, : samples.frames[i]]
+        joints = np.concatenate([np.repeat(joints[:1], 10, axis=0), joints])
+        asked = language.pattern(int(samples.pattern[i]))
+        stage = judge.stage_of(asked, int(samples.variation[i]))
+        episode = judge.perform(stage, judge.replay(joints))
+        assert judge.judge(episode, asked.action, asked.side, asked.speed).success
+    assert len(tried) == 24
 
 
 # ---------------------------------------------------------------- the check
@@ -393,6 +473,28 @@ def test_the_plans_name_exercises_that_exist():
     plans = (ROOT / "book" / "course.md").read_text("utf-8").split("## A session")[1]
     named = set(re.findall(r"(?<![\d.:-])([1-9]\.[1-9])(?!\d)", plans))
     assert named <= numbers and len(named) > 10
+
+
+def test_the_plans_have_time_for_what_they_name():
+    minutes = {one.number: one.minutes for sheet in SHEETS for one in sheet.exercises}
+    session, day, weeks = (
+        [[cell.strip() for cell in line.strip("|").split("|")] for line in part.splitlines()
+         if line.startswith("|")][2:]
+        for part in (ROOT / "book" / "course.md").read_text("utf-8").split("\n## ")[2:5]
+    )  # fmt: skip
+
+    def asked(*cells):
+        return sum(minutes[n] for n in re.findall(r"[1-9]\.[1-9]", " ".join(cells)))
+
+    assert sum(int(row[0]) for row in session) == 90
+    assert all(asked(row[2]) <= int(row[0]) for row in session)
+    clock = [60 * int(h) + int(m) for h, m in (row[0].strip("*").split(":") for row in day)]
+    assert clock == sorted(set(clock)) and clock[-1] - clock[0] < 9 * 60
+    for row, start, end in zip(day[:-1], clock[:-1], clock[1:], strict=True):
+        assert end - start <= 90 and asked(row[2]) <= 0.6 * (end - start), row
+    assert [row[0] for row in weeks] == ["1", "2", "3", "4"]
+    for row in weeks:
+        assert max(asked(row[1]), asked(row[2])) <= 45 and asked(row[3]) <= 90, row
 
 
 # ---------------------------------------------------------------- nbgrader itself
