@@ -52,6 +52,7 @@ mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load part
 
 # --- the library's reference, from its docstrings
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True  # a path as it is written, not as it is on this machine
 autodoc_typehints_format = "short"
 napoleon_use_rtype = False
 

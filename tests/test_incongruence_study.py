@@ -28,7 +28,9 @@ def quick(monkeypatch, tiny):
     def train(samples, recipe, config):
         trained.append((config.queries, recipe.extra, recipe.seed))
         small = replace(tiny, queries=config.queries)
-        return real(samples, replace(recipe, epochs=1, batch=8), config=small)
+        made = real(samples, replace(recipe, epochs=1, batch=8), config=small)
+        made.about["recipe"]["epochs"] = recipe.epochs  # as the file of the full training says
+        return made
 
     def few_conditions(trained, samples, seed):
         return run(trained, samples, seed, wanted=FEW)
@@ -111,6 +113,9 @@ def test_weights_of_another_training_are_refused(few, trained, tmp_path):
     checkpoint.save(tmp_path / "ptae_two_way_seed0.safetensors", trained)
     with pytest.raises(ArtefactError, match="was trained with .*'language'.*, not with .*'both'"):
         incongruence_table.study(few, tmp_path, ("ptae_two_way",), (0,), tmp_path)
+    checkpoint.save(tmp_path / "ptae_seed0.safetensors", trained)  # a shorter training
+    with pytest.raises(ArtefactError, match="was trained with .*'epochs': 1, .*'epochs': 80, "):
+        incongruence_table.study(few, tmp_path, ("ptae",), (0,), tmp_path)
     assert not (tmp_path / "incongruence.csv").exists()
 
 
