@@ -1,0 +1,86 @@
+"""The report card: every claim of the paper beside the stored tables, and beside a run of yours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ptae_lite import artefacts
+from ptae_lite.dataset import Samples
+from ptae_lite.evaluation import evaluate
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.studies import incongruence_table
+from ptae_lite.studies.claims import CLAIMS
+from ptae_lite.studies.readings import Claim, Tables
+
+HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
+NOT_TESTABLE = "not testable"
+VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE)
+ASKED = [  # of a run: what claims about conflicts are read from
+    condition for condition in incongruence_table.ALL
+    if condition.conflict_in in ("none", "congruent") or len(condition.aspects) == 3
+    or (condition.signal, condition.conflict_in) == ("repeat language", "action")
+]  # fmt: skip
+
+
+def stored() -> Tables:
+    """The tables of `data/results`, the rows of our recording."""
+    names = ("family", "family_curves", "supervision", "incongruence", "eyes")
+    found = [pd.read_csv(artefacts.stored(f"results/{name}.csv")) for name in names]
+    own = [table[table["data"] == "recording"] if "data" in table else table for table in found]
+    tables = Tables(*own)
+    return tables._replace(incongruence=tables.incongruence.fillna({"aspects": ""}))
+
+
+def this_run(trained: Trained, samples: Samples) -> Tables:
+    """The rows that one PTAE gives here and now: its scores, and its answers under conflict."""
+    head = {"data": samples.name, "model": "ptae", "seed": trained.about["recipe"]["seed"]}
+    size = sum(p.numel() for p in trained.model.parameters())
+    scores = head | {"variant": "PTAE", "parameters": size} | evaluate(trained, samples)
+    answers = incongruence_table.run(trained, samples, head["seed"], wanted=ASKED)
+    none = pd.DataFrame()
+    return Tables(pd.DataFrame([scores]), none, none, answers.assign(**head), none)
+
+
+def verdict(claim: Claim, tables: Tables) -> tuple[str, str]:
+    """What becomes of a claim, and the sentence that goes with it."""
+    values = np.asarray(claim.values(tables), dtype=float)
+    if not len(values):
+        return NOT_TESTABLE, claim.remark or "These trainings are not in the table yet."
+    if claim.holds is None:
+        return NOT_TESTABLE, claim.remark
+    held, one = bool(claim.holds(values, tables)), len(values) == 1 and claim.trained
+    why = (claim.caveat if held else claim.remark, "One training." if one else "")
+    judged = NOT_HELD if not held else CAVEAT if any(why) else HELD
+    return judged, " ".join(filter(None, why))
+
+
+def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
+    """A row for each claim: what the paper says, ours, this run's, the verdict, and where to look.
+
+    `ours` is the median of the trainings, with the lowest and the highest; the verdict is that of
+    the tables, not of the run.
+    """
+    rows = []
+    for claim in CLAIMS:
+        judged, why = verdict(claim, tables)
+        rows.append({
+            "group": claim.group, "claim": claim.says, "paper": claim.paper,
+            "ours": written(claim, claim.values(tables)),
+            "this run": "" if run is None else written(claim, claim.values(run)),
+            "verdict": judged, "why": why, "chapter": claim.chapter, "heading": claim.heading,
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def written(claim: Claim, values) -> str:
+    """Median and range of a claim's values, with their number; empty if there are none."""
+    values = np.asarray(values, dtype=float) + 0.0  # no -0.0
+    if not len(values):
+        return ""
+    middle, low, high = (
+        f"{value:.{claim.digits}f}" for value in (np.median(values), values.min(), values.max())
+    )
+    text = f"{middle} {claim.unit}"
+    of = "trained" if claim.trained else "values"
+    return text if len(values) == 1 else f"{text} ({low} to {high}; {len(values)} {of})"

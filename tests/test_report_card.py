@@ -1,0 +1,153 @@
+"""The report card: every rule can fail, every link leads somewhere, and a run is a run."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+
+from ptae_lite import artefacts, dataset, published
+from ptae_lite.display import report_card as shown
+from ptae_lite.models import checkpoint
+from ptae_lite.studies import report_card
+from ptae_lite.studies.claims import CLAIMS
+from ptae_lite.studies.readings import MARGIN, Claim, Tables, always, number
+from ptae_lite.studies.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
+
+BOOK = Path(__file__).resolve().parents[1] / "book"
+NOTHING = Tables(*[pd.DataFrame()] * 5)
+PINNED = Path(__file__).parent / "verdicts.csv"
+
+
+def claim(values, reads=published.AT_LEAST, **more):
+    paper = published.Claim(80.0, "80 %", "somewhere", reads)
+    return number("it is so", paper, lambda _: values, group="some", **more)
+
+
+@pytest.mark.parametrize(
+    ("values", "reads", "expected"),
+    [
+        ([80, 99, 99], published.AT_LEAST, HELD),
+        ([70, 78, 99], published.AT_LEAST, HELD),  # the median, within the margin
+        ([70, 77.9, 99], published.AT_LEAST, NOT_HELD),
+        ([1, 2, 3], published.AT_MOST, HELD),
+        ([82.1] * 3, published.AT_MOST, NOT_HELD),
+        ([99], published.AT_LEAST, CAVEAT),  # one training
+        ([], published.AT_LEAST, NOT_TESTABLE),
+    ],
+)
+def test_a_number_is_read_in_one_direction(values, reads, expected):
+    assert report_card.verdict(claim(values, reads), NOTHING)[0] == expected
+
+
+def test_the_margin_of_errors_is_narrower():
+    own = published.Claim(1.0, "1 %", "somewhere", published.AT_MOST)
+    for error, expected in ((1.5, HELD), (1.51, NOT_HELD)):
+        one = number("errs", own, lambda _, e=error: [e] * 3, "% NRMSE", group="some")
+        assert report_card.verdict(one, NOTHING)[0] == expected
+    assert MARGIN["% NRMSE"] < MARGIN["%"]
+
+
+def test_an_order_must_hold_with_every_seed():
+    for values, expected in (([1, 2, 3], HELD), ([1, 2, -0.1], NOT_HELD), ([1, 2, 0], NOT_HELD)):
+        one = Claim("some", "first", "in words", lambda _, v=values: v, always)
+        assert report_card.verdict(one, NOTHING)[0] == expected
+
+
+def test_the_sentence_beside_a_verdict_belongs_to_it():
+    both = {"caveat": "but so", "remark": "for that"}
+    assert report_card.verdict(claim([99] * 3, **both), NOTHING) == (CAVEAT, "but so")
+    assert report_card.verdict(claim([9] * 3, **both), NOTHING) == (NOT_HELD, "for that")
+    assert report_card.verdict(claim([9], **both), NOTHING) == (NOT_HELD, "for that One training.")
+    empty = report_card.verdict(claim([]), NOTHING)
+    assert empty == (NOT_TESTABLE, "These trainings are not in the table yet.")
+
+
+def test_what_is_written_of_values():
+    one = claim([])
+    assert report_card.written(one, []) == ""
+    assert report_card.written(one, [98.61]) == "98.6 %"
+    assert report_card.written(one, [99, 95, 98]) == "98.0 % (95.0 to 99.0; 3 trained)"
+
+
+@pytest.fixture(scope="module")
+def card():
+    return report_card.card(report_card.stored())
+
+
+def test_every_claim_has_one_row_and_every_number_of_the_text_is_among_them(card):
+    assert card["claim"].is_unique and len(card) == len(CLAIMS)
+    numbers = [c for by in published.BY_SHARE.values() for c in by.values()]
+    numbers += [c for by in published.CONFLICTS.values() for c in by.values()]
+    for one in (*published.REGULAR.values(), *numbers):
+        assert one.says in set(card["paper"]) or one.says == "the regular model"
+
+
+def test_the_verdicts_are_those_of_the_page(card):
+    """After a change of the tables: look at each row, then write the file anew."""
+    pinned = pd.read_csv(PINNED).set_index("claim")["verdict"]
+    assert card.set_index("claim")["verdict"].to_dict() == pinned.to_dict()
+
+
+def test_a_claim_that_did_not_hold_or_has_a_caveat_says_why(card):
+    told = card[card["verdict"].isin([CAVEAT, NOT_TESTABLE])]
+    assert (told["why"] != "").all()
+
+
+def test_every_link_leads_to_a_heading_of_the_book(card):
+    for chapter, heading in card[["chapter", "heading"]].drop_duplicates().to_numpy():
+        text = (BOOK / f"{chapter}.md").read_text(encoding="utf-8")
+        assert re.search(rf"^##+ {re.escape(heading)}$", text, re.MULTILINE), heading
+
+
+def test_links_are_those_of_the_site_or_of_the_notebooks(monkeypatch):
+    where = "03_crossmodal_transformer", 'What is "execute" worth?'
+    assert shown.link(*where) == f'{where[0]}.ipynb#What-is-"execute"-worth?'
+    monkeypatch.setenv("PTAE_STATIC", "1")
+    assert shown.link(*where) == f"{where[0]}.html#what-is-execute-worth"
+
+
+def test_the_table_shows_all_rows_and_lets_no_mark_up_in(card):
+    one = card.assign(claim=card["claim"].replace(card["claim"][0], "<b>it"))
+    text = shown.table(one).data
+    assert text.count("<tr>") == len(card) + 1 + card["group"].nunique()
+    assert "&lt;b&gt;it" in text and "<b>" not in text
+    assert all(verdict in text for verdict in card["verdict"])
+
+
+@pytest.fixture(scope="module")
+def model():
+    torch.set_num_threads(1)
+    return checkpoint.load(artefacts.stored("weights/ptae.safetensors")), dataset.load()
+
+
+def test_this_run_is_that_of_the_weights_at_hand(model, monkeypatch):
+    monkeypatch.setattr(report_card, "ASKED", [])
+    trained, samples = model
+    run = report_card.this_run(trained, samples)
+    mine = run.family.iloc[0]
+    rows = report_card.stored().family
+    was = rows[(rows["variant"] == "PTAE") & (rows["seed"] == 0)].iloc[0]
+    for column in published.REGULAR:
+        assert mine[column] == pytest.approx(was[column], abs=1)
+    card = report_card.card(report_card.stored(), run).set_index("claim")
+    assert card.loc["PTAE describes", "this run"] == f"{mine['describe_accuracy']:.1f} %"
+    assert card.loc["Repeat both helps PGAE", "this run"] == ""
+
+    damaged = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
+    with torch.no_grad():
+        weight = next(p for p in damaged.model.parameters() if p.ndim == 2)
+        weight += torch.from_numpy(np.random.default_rng(0).normal(0, 1, weight.shape)).float()
+    hurt = report_card.card(report_card.stored(), report_card.this_run(damaged, samples))
+    hurt = hurt.set_index("claim")
+    assert hurt.loc["PTAE describes", "this run"] != card.loc["PTAE describes", "this run"]
+    assert (hurt["ours"] == card["ours"]).all() and (hurt["verdict"] == card["verdict"]).all()
+
+
+def test_a_run_has_a_number_for_every_claim_about_ptae_under_conflict(samples, trained):
+    run = report_card.this_run(trained, samples)
+    card = report_card.card(report_card.stored(), run).set_index("claim")
+    own = card[(card["group"] == "Conflict") & ~card.index.str.startswith("One-way")]
+    assert len(own) > 8 and (own["this run"] != "").all()
