@@ -71,17 +71,18 @@ STAGES = (
           "--out {out}/results", {
         "results/incongruence.csv": table(
             ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
-            SCORED, 0.8)}, 0, 20),
+            SCORED, 0.8)}, 0, 25),
     Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
         "results/incongruence_stories.csv": table(
             ("sample", "signal", "conflict_in", "conflicts", "aspects"), ANSWERS, 0.7),
         "results/incongruence_stories.npz": SHAPES}, simulator=True),
-    Stage("supervision", "ptae_lite study supervision --seeds {seeds} --out {out}/results", {
+    Stage("supervision", "ptae_lite study supervision --models linear ptae --variants random "
+          "covering balanced paper --workers 2 --seeds {seeds} --out {out}/results", {
         "results/supervision.csv":
             table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
         "results/supervision_sentences.csv": table(
             ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
-        0, 12),
+        1, 35),  # PTAE's curves; the whole study takes hours more
     Stage("family", "ptae_lite study family --workers 2 --seeds {seeds} --out {out}/results", {
         "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
         "results/family_curves.csv":
