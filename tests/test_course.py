@@ -15,10 +15,11 @@ import pandas as pd
 import pytest
 from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_network
 
-from ptae_lite import artefacts, dataset, evaluation, language
+from ptae_lite import artefacts, dataset, evaluation, language, published
 from ptae_lite.display import course, hints, pairs
 from ptae_lite.display.panels import Panel
 from ptae_lite.errors import ArtefactError
+from ptae_lite.studies.readings import MARGIN
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "book" / "exercises"
@@ -96,7 +97,7 @@ def played():
 def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
     chapters = [md.stem for md in pairs.chapters(ROOT / "book")]
     assert set(NAMES) <= set(chapters)
-    assert set(chapters[:6]) <= set(NAMES)
+    assert set(chapters[:7]) <= set(NAMES)
     assert all(2 <= len(sheet.exercises) <= 3 for sheet in SHEETS)
     assert {one.kind for sheet in SHEETS for one in sheet.exercises} == set(course.KINDS)
 
@@ -250,6 +251,50 @@ def test_the_numbers_of_the_loops_answers_are_those_of_its_table(played):
     ]
     failed = loop["table"].query("condition == 'new_family' and success == 0")["reason"]
     assert failed.value_counts().tolist() == [31, 7]
+
+
+def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(played):
+    """They are of tables without few labels: rows are still added to those with."""
+    names = played("07_report_card", 0).names
+    rules, card = names["rules"], names["card"]
+    by_rule = rules.drop(columns=["paper", "ours"])
+    assert rules.shape == (10, 7) and by_rule["the best run"].equals(by_rule["the rule"])
+    moved = by_rule.index[by_rule.nunique(axis=1) > 1]
+    assert moved.tolist() == [
+        f"PTAE, {of}" for of in ("describe accuracy", "execute nrmse", "repeat action nrmse")
+    ]
+    assert by_rule.loc["PTAE, describe accuracy"].tolist() == [
+        "held", "not held", "held", "held", "not held"]  # fmt: skip
+    for error, ours in (("PTAE, execute nrmse", 1.70), ("PTAE, repeat action nrmse", 1.66)):
+        assert rules.loc[error, "ours"] == ours
+        assert by_rule.loc[error].tolist() == ["not held"] * 2 + ["held"] + ["not held"] * 2
+    assert rules.loc["execute, conflicts: 3", ["paper", "ours"]].tolist() == ["at least 4.95", 11.7]
+    errors = {says for says, unit in names["units"].items() if "NRMSE" in unit}
+    assert {says for says in errors if rules.loc[says, "paper"].startswith("at least")} == {
+        "execute, conflicts: 3"
+    }
+    failed = by_rule.index[(by_rule == "not held").all(axis=1)]
+    assert len(failed) == 4 and all("conflicts" in says for says in failed)
+    for says in failed:
+        paper, margin = names["numbers"][says][1], MARGIN[names["units"][says]]
+        assert abs(rules.loc[says, "ours"] - paper.value) > 3 * margin
+
+    family = names["family"]
+    ours, theirs = family.loc["recording"], family.drop("recording")
+    describes = sorted(ours["describe_accuracy"].round(1))
+    assert describes == [95.4, 98.6, 99.5]
+    errors = ours["execute_nrmse"]
+    assert (round(errors.min(), 2), round(errors.max(), 2)) == (1.70, 1.78)
+    assert theirs["execute_nrmse"].round(2).tolist() == [0.86]
+    assert set(ours["steps"]) == {1920} and set(family["batch"]) == {27}
+    times = published.STEPS["ptae"] * 6 / (1920 * 27)
+    assert round(times) == 31 and 80 < times * ours["seconds"].median() / 60 < 100
+    executes = card.loc["PTAE executes"]
+    assert executes["verdict"] == "not held"
+    sentence = executes["why"]
+    sheet = (FOLDER / "07_report_card.md").read_text("utf-8")
+    assert sentence in " ".join(sheet.split()) and card.index[0] == "PTAE describes"
+    assert published.REGULAR["execute_nrmse"].value + MARGIN["% NRMSE"] == pytest.approx(1.49)
 
 
 def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simulator):
