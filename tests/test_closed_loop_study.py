@@ -207,6 +207,11 @@ def test_the_panel_finds_each_episode_and_says_its_verdict(kept):
     text = shown.verdict_text(made[0])
     assert "NOT done" in text and "red cube (left)" in text and "slowly asked for" in text
     assert "no cyan cube here" in shown.verdict_text(made[2])
+    for cube, words in enumerate(("The red cube (left) fell off", "the other one fell off")):
+        cubes = made[0].episode.cubes.copy()
+        cubes[-1, cube, 2] = -3
+        flung = made[0]._replace(episode=made[0].episode._replace(cubes=cubes))
+        assert words in shown.verdict_text(flung)
     html = shown.Shown(made[0])._repr_html_()
     assert "NOT done" in html and "iframe" in html
 
