@@ -1,5 +1,7 @@
 """What chapter 06 says of the closed loop, held against the stored tables."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from ptae_lite import artefacts
 from ptae_lite.language import MEANINGS, parse
 from ptae_lite.robot import closed_loop
+from ptae_lite.studies import closed_loop as study
 from ptae_lite.studies import episodes
 
 
@@ -24,35 +27,55 @@ def of(table, model, condition="test"):
     return table[(table["model"] == model) & (table["condition"] == condition)]
 
 
+def in_time(rows):
+    """Whether the duration was that of the speed word; a reason names only what failed first."""
+    return (rows["duration"] >= closed_loop.SLOW_FROM) == (rows["speed"] == "slowly")
+
+
 def test_replayed_joints_are_the_upper_bound_and_a_model_told_nothing_the_lower(table, rates):
     replay = table[table["condition"] == "replay"]
     assert len(replay) == 216 and replay["success"].all()
     assert rates["blank", "blind"].median() < 5 and rates["blank", "blind"].max() < 15
 
 
-def test_the_aim_is_reached_by_the_blind_model(rates):
-    own = rates["test", "blind"]
-    assert len(own) == 3 and own.median() > 95 and own.max() > 99
-
-
-def test_the_papers_ptae_mostly_fails_though_its_error_is_the_smaller(table, rates):
+@pytest.fixture(scope="module")
+def error():
     scores = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))
-    error = scores.groupby("model")["execute_nrmse"].median()
-    assert error["ptae"] < 2 and rates["test", "ptae"].median() < 50
-    assert 1.5 < error["blind"] / error["ptae"] < 2
+    return scores.set_index(["model", "seed"])["execute_nrmse"]
+
+
+def test_every_model_was_trained_three_times_and_acted_in_all_test_scenes(table, error):
+    acted = table[table["condition"] == "test"].groupby(["model", "seed"]).size()
+    assert set(acted.index) == set(product(study.MODELS, range(3))) == set(error.index)
+    assert (acted == 216).all()
+
+
+def test_the_blind_model_reaches_the_aim_in_the_median_and_with_all_seeds_but_one(rates):
+    own = rates["test", "blind"]
+    assert 97 < own.median() < 98 and own[0] > 99 and own[1] > 95
+    assert round(own[2]) == 91
+
+
+def test_the_papers_ptae_fails_most_though_its_error_is_the_smallest(table, rates, error):
+    middle, done = error.groupby("model").median(), rates["test"].groupby("model")
+    assert middle.idxmin() == "ptae" == done.max().idxmin() == error.idxmin()[0]
+    assert done.min()["ptae"] > 12 and done.max()["ptae"] < 16
+    assert 1.5 < middle["blind"] / middle["ptae"] < 2
+    watching = ["noise", "open eyes", "ptae"]
+    assert sorted(set(error[error < 2].index.get_level_values("model"))) == watching
+    assert error[watching].max() < 2 and done.max()[watching].max() < 50
     assert of(table, "ptae").query("success == 0")["reason"].mode()[0] == "the other cube was moved"
 
 
-def test_the_papers_ptae_does_every_task_slowly(table):
+def test_the_papers_ptae_does_no_fast_task(table):
     rows = of(table, "ptae")
-    assert rows["duration"].min() >= closed_loop.SLOW_FROM
+    assert (rows["duration"] >= closed_loop.SLOW_FROM).mean() > 0.98
     assert not rows[rows["speed"] == "fast"]["success"].any()
 
 
 def test_the_swapped_speed_word_is_obeyed(table):
     rows = of(table, "blind", "swapped_speed")
-    obeyed = (rows["duration"] >= closed_loop.SLOW_FROM) == (rows["speed"] == "slowly")
-    assert obeyed.mean() > 0.99
+    assert in_time(rows).mean() > 0.99
 
 
 def test_what_fails_with_the_first_frame_is_mostly_the_speed(table):
@@ -60,15 +83,19 @@ def test_what_fails_with_the_first_frame_is_mostly_the_speed(table):
     assert failed["reason"].value_counts(normalize=True)["the wrong speed"] > 0.5
 
 
-def test_less_error_mostly_goes_with_success_but_does_not_decide_it(rates):
-    scores = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))
-    scores = scores[scores["model"].isin(["blind", "first frame", "no padding"])]
-    error = scores.set_index(["model", "seed"])["execute_nrmse"].sort_values()
-    success = rates["test"][error.index]
-    assert error.rank().corr(success.rank()) < -0.8
-    near = success[error.between(3, 3.5)].tolist()
-    low = near.index(min(near))
-    assert near[low] < 50 and near[low - 1] > 90 and near[low + 1] > 90 and low
+def test_with_the_first_frame_alone_the_error_ranks_trainings_and_not_models(rates, error):
+    for model in ("first frame", "no padding", "blind"):
+        by_error = rates["test", model][error[model].sort_values().index]
+        assert by_error.is_monotonic_decreasing
+    worst, best = error["no padding"].idxmax(), error["first frame"].idxmin()
+    assert round(error["no padding"][worst]) == 5 and round(error["first frame"][best]) == 3
+    assert rates["test", "no padding"][worst] > 1.5 * rates["test", "first frame"].max()
+
+
+def test_without_padding_the_speed_is_heard(table, rates):
+    assert (rates["test", "no padding"] > rates["test", "first frame"] + 30).all()
+    for model in ("no padding", "blind"):
+        assert in_time(of(table, model)).all()
 
 
 def test_all_kinds_of_tasks_but_cyan_succeed_in_nine_of_ten(table):
@@ -88,10 +115,9 @@ def test_new_families_are_confused_and_displaced_cubes_missed(table, rates):
     for condition in ("displaced", "new_family"):
         assert rates[condition, "blind"].median() < rates["test", "blind"].min()
     new = of(table, "blind", "new_family").query("success == 0")["reason"].value_counts()
-    assert new.index[0] == "the other cube was moved"
-    wrong = of(table, "blind", "new_family").query("reason == 'the other cube was moved'")
-    named_mm = wrong["left_mm"].where(wrong["side"] == "left", wrong["right_mm"])
-    assert named_mm.max() < 10
+    assert new.to_dict() == {
+        "the other cube was moved": 31, "the cube went too little that way": 7,
+    }  # fmt: skip
     far = of(table, "blind", "displaced").query("success == 1")
     assert (far[["left_mm", "right_mm"]].max(axis=1) > 1000).sum() == 1  # flung off the table
     assert rates["synonyms", "blind"].median() > 95
@@ -120,22 +146,58 @@ def test_a_cube_is_moved_when_the_named_one_is_not_there(table):
     assert moved.mean() > 0.9
 
 
-def test_own_films_open_the_eyes(table, rates):
-    opened, own = rates["test", "open eyes"], rates["test", "aggregated"]
-    assert opened.max() < 50 and own.min() > 99
-    assert (of(table, "aggregated")["success"] == 0).sum() == 1
-    assert rates["displaced", "aggregated"].min() > rates["displaced", "blind"].max()
+def test_own_films_open_the_eyes_and_noise_does_not(table, rates):
+    opened, noise, own = (rates["test", m] for m in ("open eyes", "noise", "aggregated"))
+    assert opened.max() < 50 and own.min() > 86 and (own > 2 * opened).all()
+    assert opened.min() < noise.median() < opened.max() and noise.max() < 50
+    assert rates["displaced", "noise"].max() < rates["displaced", "open eyes"].max()
+    assert (rates["displaced", "aggregated"] > 2 * rates["displaced", "open eyes"]).all()
     failed = of(table, "open eyes").query("success == 0")["reason"]
     assert not (failed == "the wrong speed").any()
 
 
-def test_one_training_without_the_reminder_lies_within_the_range_of_three_with_it(rates):
-    blind = rates["test", "blind"]
-    assert blind.min() < rates["test", "no padding"].item() < blind.max()
-    scores = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))
-    error = scores.groupby("model")["execute_nrmse"].agg(["min", "max"])
-    assert error.loc["first frame", "max"] / error.loc["first frame", "min"] > 1.5
-    assert error.loc["blind", "max"] / error.loc["blind", "min"] < 1.3
+def test_opened_eyes_do_not_beat_one_look(rates):
+    ahead = rates["test", "aggregated"] - rates["test", "blind"]
+    assert ahead[0] == 0 and (ahead[[1, 2]] < 0).all()
+    own, blind = rates["displaced", "aggregated"], rates["displaced", "blind"]
+    assert (own > blind).tolist() == [True, False, True] and own.median() < blind.median()
+
+
+def test_what_aggregated_fails_in_sits_in_a_few_patterns(table):
+    rows = of(table, "aggregated")
+    failed = rows[rows["success"] == 0]
+    counts = failed.groupby(["seed", "reason"]).size()
+    little, other = "the cube went too little that way", "the other cube was moved"
+    assert counts.to_dict() == {
+        (0, little): 1, (1, little): 19, (1, other): 10, (2, little): 19, (2, other): 7,
+    }  # fmt: skip
+    assert in_time(rows).all() and (rows["duration"] < closed_loop.LIMIT).all()
+    assert rows["pattern"].nunique() == 36
+    assert failed.groupby("seed")["pattern"].nunique().tolist() == [1, 8, 9]
+    for seed in (1, 2):
+        whole = failed[failed["seed"] == seed]["pattern"].value_counts() == 6
+        assert whole.sum() == 1
+
+
+def test_the_reminder_helps_with_each_seed(table, rates, error):
+    for condition in ("test", "displaced"):
+        without, reminded = rates[condition, "no padding"], rates[condition, "blind"]
+        assert (reminded > without).all()
+        assert reminded.max() - reminded.min() < without.max() - without.min()
+    spread = error.groupby("model").agg(["min", "max"])
+    assert spread.loc["no padding", "max"] / spread.loc["no padding", "min"] > 1.5
+    assert spread.loc["blind", "max"] / spread.loc["blind", "min"] < 1.3
+    assert (error["blind"] < error["no padding"]).all()
+    worst = rates["test", "no padding"].idxmin()
+    rows = of(table, "no padding").query(f"seed == {worst} and success == 0")
+    assert rows["reason"].mode()[0] == "the other cube was moved"
+
+
+def test_the_film_strips_are_those_of_the_table(table):
+    with np.load(artefacts.stored(f"results/{episodes.STRIPS}"), allow_pickle=False) as file:
+        texts = file["texts"].tolist()
+    rows = episodes.strips_of(table, episodes.CHOSEN).itertuples()
+    assert texts == [f"{row.model}: {row.sentence} ({row.reason})" for row in rows]
 
 
 def test_meanings_come_back_when_the_camera_goes_on(table):

@@ -45,10 +45,10 @@ def this_run(trained: Trained, samples: Samples) -> Tables:
 def verdict(claim: Claim, tables: Tables) -> tuple[str, str]:
     """What becomes of a claim, and the sentence that goes with it."""
     values = np.asarray(claim.values(tables), dtype=float)
-    if not len(values):
-        return NOT_TESTABLE, claim.remark or "These trainings are not in the table yet."
     if claim.holds is None:
         return NOT_TESTABLE, claim.remark
+    if not len(values):
+        return NOT_TESTABLE, "These trainings are not in the table yet."
     held, one = bool(claim.holds(values, tables)), len(values) == 1 and claim.trained
     why = (claim.caveat if held else claim.remark, "One training." if one else "")
     judged = NOT_HELD if not held else CAVEAT if any(why) else HELD
