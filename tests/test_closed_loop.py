@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ptae_lite.errors import ConfigError, RobotError
 from ptae_lite.language import pattern, sentence
 from ptae_lite.robot import closed_loop, inverse, motions
 from ptae_lite.robot.closed_loop import Episode, judge
@@ -71,6 +72,35 @@ def test_a_wish_past_a_joint_limit_ends_the_episode(simulator):
     p = pattern(0)
     made = closed_loop.perform(closed_loop.stage_of(p, 0), lambda look, joints: joints + 9)
     assert made.stopped == "joint" and len(made.joints_rad) == 1
+
+
+def test_what_is_no_number_is_refused_as_a_joint(simulator):
+    p = pattern(0)
+    made = closed_loop.perform(closed_loop.stage_of(p, 0), lambda look, joints: joints * np.nan)
+    assert made.stopped == "joint"
+
+
+def test_an_error_of_who_acts_is_not_taken_for_a_joint_limit(simulator):
+    def broken(look, joints_rad):
+        raise RobotError("the camera is off")
+
+    with pytest.raises(RobotError, match="the camera is off"):
+        closed_loop.perform(closed_loop.stage_of(pattern(0), 0), broken)
+
+
+def test_only_a_ptae_with_its_own_kind_of_eye_can_act(simulator, trained):
+    from dataclasses import replace
+
+    from ptae_lite import vision
+    from ptae_lite.acting import Actor
+    from ptae_lite.models import PVAE, PVAEConfig
+
+    other = replace(trained, model=PVAE(PVAEConfig(features=6, code=8, units=10)))
+    with pytest.raises(ConfigError, match="only a PTAE can act in the loop, and this is a PVAE"):
+        Actor(other, vision.make_eye("separated", 2), "push red slowly")
+    who = Actor(trained, vision.make_eye("separated", 3).eval(), "push red slowly")
+    with pytest.raises(ConfigError, match="makes 9 features of an image.* trained on 6"):
+        closed_loop.perform(closed_loop.stage_of(pattern(0), 0), who)
 
 
 def actor(trained, text, films=None):

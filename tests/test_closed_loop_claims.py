@@ -67,6 +67,12 @@ def test_the_papers_ptae_fails_most_though_its_error_is_the_smallest(table, rate
     assert of(table, "ptae").query("success == 0")["reason"].mode()[0] == "the other cube was moved"
 
 
+def test_the_papers_ptae_does_no_fast_task(table):
+    rows = of(table, "ptae")
+    assert (rows["duration"] >= closed_loop.SLOW_FROM).mean() > 0.98
+    assert not rows[rows["speed"] == "fast"]["success"].any()
+
+
 def test_the_swapped_speed_word_is_obeyed(table):
     rows = of(table, "blind", "swapped_speed")
     assert in_time(rows).mean() > 0.99
@@ -92,6 +98,19 @@ def test_without_padding_the_speed_is_heard(table, rates):
         assert in_time(of(table, model)).all()
 
 
+def test_all_kinds_of_tasks_but_cyan_succeed_in_nine_of_ten(table):
+    own = of(table, "blind")
+    colour = own["sentence"].map(lambda text: parse(text).colour)
+    kinds = [own.groupby(kind)["success"].mean() for kind in ("action", "side", "speed", colour)]
+    shares = pd.concat(kinds)
+    assert shares[shares < 0.9].index.tolist() == ["cyan"] and shares["slowly"] > shares["fast"]
+    cyan = own[colour == "cyan"]
+    assert (cyan.groupby("seed")["success"].mean() == 1).sum() == 1
+    assert set(cyan[cyan["success"] == 0]["reason"]) == {
+        "the other cube was moved", "the cube went too little that way"
+    }  # fmt: skip
+
+
 def test_new_families_are_confused_and_displaced_cubes_missed(table, rates):
     for condition in ("displaced", "new_family"):
         assert rates[condition, "blind"].median() < rates["test", "blind"].min()
@@ -99,7 +118,26 @@ def test_new_families_are_confused_and_displaced_cubes_missed(table, rates):
     assert new.to_dict() == {
         "the other cube was moved": 31, "the cube went too little that way": 7,
     }  # fmt: skip
+    far = of(table, "blind", "displaced").query("success == 1")
+    assert (far[["left_mm", "right_mm"]].max(axis=1) > 1000).sum() == 1  # flung off the table
     assert rates["synonyms", "blind"].median() > 95
+
+
+def test_the_third_scene_of_the_panel_is_the_pair_that_fails_most(table):
+    new = of(table, "blind", "new_family")
+    pair = new["colours"].map(lambda text: " ".join(sorted(text.split())))
+    assert new.groupby(pair)["success"].mean().idxmin() == "green yellow"
+    third = [one.verdict.success for one in episodes.load() if "yellow" in one.stage.colours]
+    assert len(third) == 12 and sum(third) == 3
+
+
+def test_each_film_strip_is_an_episode_of_the_table(table):
+    with np.load(artefacts.stored(f"results/{episodes.STRIPS}"), allow_pickle=False) as file:
+        texts, films = file["texts"].tolist(), file["films"]
+    there = table[table["condition"] == "test"]
+    there = set(there["model"] + ": " + there["sentence"] + " (" + there["reason"] + ")")
+    assert len(texts) == len(films) == 6 and set(texts) <= there
+    assert ["(done)" in text for text in texts] == [True] * 3 + [False] * 3
 
 
 def test_a_cube_is_moved_when_the_named_one_is_not_there(table):

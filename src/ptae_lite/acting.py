@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from ptae_lite.dataset import MAX_FRAMES
+from ptae_lite.errors import ConfigError
 from ptae_lite.language import EOS, encode, signal_index
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.signals import STEPS, TOKENS_IN, WORDS_OUT, Batch
@@ -23,9 +24,18 @@ class Actor:
     Args:
         sentence: a whole sentence, or None: the words are blanked.
         watch: look at every frame, also where the model takes only the first.
+
+    Raises:
+        ConfigError: the model is no PTAE, or takes other features than this eye makes.
+        LanguageError: no sentence of this language.
     """
 
     def __init__(self, trained: Trained, eye: nn.Module, sentence: str | None, watch=False):
+        if trained.model.kind != "ptae":
+            raise ConfigError(
+                f"only a PTAE can act in the loop, and this is a {trained.model.kind.upper()}; "
+                "train one with: python -m ptae_lite train ptae"
+            )
         self.trained, self.eye = trained, eye
         self.watch = watch or trained.model.config.film == "clip"
         tokens = [signal_index("execute"), *(encode(sentence) if sentence else [EOS] * 5)]
@@ -38,6 +48,11 @@ class Actor:
         model, scaling = self.trained.model, self.trained.scaling
         if self.watch or not self.looks:
             self.looks.append(encode_images(self.eye, look()[None])[0])
+        if len(self.looks[-1]) != model.config.features:
+            raise ConfigError(
+                f"this eye makes {len(self.looks[-1])} features of an image, and the model was "
+                f"trained on {model.config.features}; load the eye that it was trained with"
+            )
         seen = _row(scaling.features(self.looks[-1]))
         pose = _row(scaling.joints(np.asarray(joints_rad, dtype=np.float32)))
         if self.states is None:

@@ -16,9 +16,9 @@ from ptae_lite.display.panels import Panel
 from ptae_lite.display.scene3d import arm_scene
 from ptae_lite.display.viewer import Viewer
 from ptae_lite.errors import PTAEError, RobotError
-from ptae_lite.language import ACTIONS, MEANINGS, SPEEDS, Meaning, alternatives, parse
+from ptae_lite.language import ACTIONS, MEANINGS, SIDES, SPEEDS, Meaning, alternatives, parse
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.robot.scene import pybullet
+from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
 from ptae_lite.studies.episodes import STRIPS, Kept, perform, side_of, stages
 
 WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to the right"}
@@ -29,12 +29,16 @@ def verdict_text(kept: Kept) -> str:
     meaning, verdict = parse(kept.told), kept.verdict
     side = side_of(kept.stage, meaning)
     pace = f"{verdict.frames} frames, {meaning.speed} asked for"
+    fell = kept.episode.cubes[-1, :, 2] < TABLE_TOP_M
     if side is None:
         return f"There is no {meaning.colour} cube here, whatever the arm did ({pace})."
+    named = SIDES.index(side)
+    went = f"went {verdict.named_mm:.0f} mm {WAY[meaning.action]}"
+    moved = f"moved {verdict.other_mm:.0f} mm"
     return (
         f"{'Done as told' if verdict.success else 'NOT done: ' + verdict.reason}. The "
-        f"{meaning.colour} cube ({side}) went {verdict.named_mm:.0f} mm {WAY[meaning.action]}, "
-        f"the other one moved {verdict.other_mm:.0f} mm; {pace}."
+        f"{meaning.colour} cube ({side}) {'fell off the table' if fell[named] else went}, "
+        f"the other one {'fell off the table' if fell[1 - named] else moved}; {pace}."
     )
 
 

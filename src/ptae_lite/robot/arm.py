@@ -177,7 +177,8 @@ def check_shape(joints_rad) -> Float[np.ndarray, "T 5"]:
 def check_limits(joints_rad: Float[np.ndarray, "T 5"]) -> None:
     """Raise `RobotError` naming the first joint outside its limits, and where."""
     joints_rad = check_shape(joints_rad)
-    outside = (joints_rad < LOWER_RAD - 1e-9) | (joints_rad > UPPER_RAD + 1e-9)
+    # what is no number is outside, too
+    outside = ~((joints_rad >= LOWER_RAD - 1e-9) & (joints_rad <= UPPER_RAD + 1e-9))
     if outside.any():
         frame, j = np.argwhere(outside)[0]
         raise RobotError(

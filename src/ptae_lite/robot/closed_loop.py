@@ -82,8 +82,9 @@ def perform(stage: Setting, act: Act, limit: int | None = None) -> Episode:
                 break
             if frame == limit - 1:
                 break
+            wish = act(world.image, joints[-1])
             try:
-                world.drive(act(world.image, joints[-1]))
+                world.drive(wish)
             except RobotError:
                 stopped = "joint"
                 break

@@ -107,14 +107,15 @@ def load(path=None) -> list[Kept]:
 
 def strips_of(table: pd.DataFrame, successes: str) -> pd.DataFrame:
     """Six rows of the table, three of each: one success of `successes` for each action, and the
-    first failure for each of the three most frequent reasons of all models' failures.
+    first failure for each of the three most frequent reasons of all models' failures. Fewer, where
+    the table has none.
     """
     own = table[table["condition"] == "test"]
     good = own[(own["model"] == successes) & (own["success"] == 1)]
     bad = own[own["success"] == 0]
     reasons = bad["reason"].value_counts().index[:3]
-    rows = [good[good["action"] == action].iloc[[0]] for action in ACTIONS]
-    rows += [bad[bad["reason"] == reason].iloc[[0]] for reason in reasons]
+    rows = [good[good["action"] == action].head(1) for action in ACTIONS]
+    rows += [bad[bad["reason"] == reason].head(1) for reason in reasons]
     return pd.concat(rows, ignore_index=True)
 
 
@@ -131,9 +132,8 @@ def film(trained: Trained, eye: nn.Module, row) -> np.ndarray:
     return np.stack([images[i] for i in np.linspace(0, len(images) - 1, FRAMES_SHOWN).astype(int)])
 
 
-def write_strips(path, table: pd.DataFrame, weights, eye: nn.Module) -> None:
-    """Keep the film strips of `strips_of`, with a line of text for each."""
-    rows = strips_of(table, CHOSEN)
+def write_strips(path, rows: pd.DataFrame, weights, eye: nn.Module) -> None:
+    """Keep the film strips of rows of the table, with a line of text for each."""
     films = [
         film(checkpoint.load(study.weights_of(weights, row.model, row.seed)), eye, row)
         for row in rows.itertuples()
@@ -143,12 +143,17 @@ def write_strips(path, table: pd.DataFrame, weights, eye: nn.Module) -> None:
 
 
 def keep(folder, table: pd.DataFrame, weights) -> None:
-    """Write both files into a folder, where the table has what they need and they are not there."""
+    """Write both files into a folder, each where it is not there and can be made: of the model
+    `CHOSEN` of seed 0, and of six rows of the table whose models lie in `weights`.
+    """
     mine = study.weights_of(weights, CHOSEN, 0)
     paths = [Path(folder) / name for name in (EPISODES, STRIPS)]
-    if not mine.exists() or all(path.exists() for path in paths):
-        return
+    rows = strips_of(table, CHOSEN)
+    of_rows = {
+        study.weights_of(weights, *one) for one in zip(rows["model"], rows["seed"], strict=True)
+    }
     eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
-    if not paths[0].exists():
+    if mine.exists() and not paths[0].exists():
         write(paths[0], all_of(checkpoint.load(mine), eye))
-    write_strips(paths[1], table, weights, eye)
+    if len(rows) == 6 and all(path.exists() for path in of_rows) and not paths[1].exists():
+        write_strips(paths[1], rows, weights, eye)
