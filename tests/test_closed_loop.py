@@ -9,9 +9,11 @@ from ptae_lite.robot import closed_loop, inverse, motions
 from ptae_lite.robot.closed_loop import Episode, judge
 
 
-def episode(named_mm=(60, 0), other_mm=0.0, frames=100, stopped="home"):
+def episode(named_mm=(60, 0), other_mm=0.0, frames=100, stopped="home", height_m=0.585):
     """The left cube goes `named_mm` (x, y), the right one `other_mm` along x."""
     cubes = np.zeros((frames, 2, 7))
+    cubes[:, :, 2] = 0.585
+    cubes[-1, 0, 2] = height_m
     cubes[-1, 0, :2] = np.array(named_mm) / 1000
     cubes[-1, 1, 0] = other_mm / 1000
     return Episode(np.zeros((frames, 5)), cubes, stopped)
@@ -30,6 +32,7 @@ def episode(named_mm=(60, 0), other_mm=0.0, frames=100, stopped="home"):
         (episode(), ("push", "right", "slowly"), "the other cube was moved"),
         (episode(), ("push", "left", "fast"), "the wrong speed"),
         (episode(frames=74), ("push", "left", "slowly"), "the wrong speed"),
+        (episode(height_m=0.5), ("push", "left", "slowly"), "the cube fell off the table"),
         (episode(stopped="limit"), ("push", "left", "slowly"), "it did not come home"),
         (episode(stopped="joint"), ("push", "left", "slowly"), "a joint at its limit"),
     ],

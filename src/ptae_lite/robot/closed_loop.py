@@ -19,7 +19,7 @@ from jaxtyping import Float
 from ptae_lite.errors import RobotError
 from ptae_lite.language import SIDES
 from ptae_lite.robot import inverse, motions
-from ptae_lite.robot.scene import NOMINAL_PLACES_M, Scene
+from ptae_lite.robot.scene import NOMINAL_PLACES_M, TABLE_TOP_M, Scene
 
 LIMIT = 130  # frames; the slow motion takes 100
 AWAY_RAD, HOME_RAD = 0.2, 0.08  # the largest joint difference from home
@@ -99,7 +99,11 @@ def replay(joints_rad: Float[np.ndarray, "T 5"]) -> Act:
 
 
 def judge(episode: Episode, action: str, side: str, speed: str) -> Verdict:
-    """Hold an episode against what was asked for; positions are those at its end."""
+    """Hold an episode against what was asked for; positions are those at its end.
+
+    The reason is the first that holds of those below. A cube that falls off the table goes far, so
+    it needs one of its own.
+    """
     moved_mm = 1000 * (episode.cubes[-1, :, :2] - episode.cubes[0, :, :2])
     named = SIDES.index(side)
     along = float(moved_mm[named] @ np.array(motions.DIRECTION[action]))
@@ -111,6 +115,7 @@ def judge(episode: Episode, action: str, side: str, speed: str) -> Verdict:
         "the cube went too little that way": along < TRAVEL_MM,
         "it did not come home": episode.stopped == "limit",
         "the wrong speed": (frames >= SLOW_FROM) != (speed == "slowly"),
+        "the cube fell off the table": bool(episode.cubes[-1, named, 2] < TABLE_TOP_M),
     }
     reason = next((name for name, so in wrong.items() if so), "done")
     return Verdict(reason == "done", reason, along, other, frames)
