@@ -43,7 +43,7 @@ def _with_few_labels() -> list[Claim]:
                 with_labels(model, column, mode, share), group="Few labels",
                 unit="%" if column.endswith("accuracy") else "% NRMSE",
                 chapter=FEW, heading=CURVES,
-                remark=REMARKS.get((model, task, mode, share), ""),
+                remark=REMARKS.get((model, task, mode, share), REMARK[mode]),
             ))  # fmt: skip
     return found
 
