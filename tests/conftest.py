@@ -1,5 +1,6 @@
 """Shapes in annotations are checked in every test; small data and models that many tests use."""
 
+import sys
 from dataclasses import replace
 
 import jaxtyping
@@ -17,6 +18,14 @@ EYE = "e" * 64
 def pytest_addoption(parser):
     parser.addoption("--lab", choices=("two", "all"), default="two",
                      help="how many chapters are tried in JupyterLab")  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    """No figure stays open for the next test."""
+    yield
+    if "matplotlib.pyplot" in sys.modules:
+        sys.modules["matplotlib.pyplot"].close("all")
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Figures of incongruence: every mean, every spread and every stack is the table's."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,12 +10,6 @@ from ptae_lite.studies.followed import FOLLOWED
 from ptae_lite.studies.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES, conditions
 
 SPREAD = (-1.0, 0.0, 2.0)  # of the three seeds about their value
-
-
-@pytest.fixture(autouse=True)
-def closed():
-    yield
-    plt.close("all")
 
 
 def value(signal, place, count):

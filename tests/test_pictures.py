@@ -14,12 +14,6 @@ from ptae_lite.robot import arm
 from ptae_lite.robot.inverse import home_rad
 
 
-@pytest.fixture(autouse=True)
-def closed():
-    yield
-    plt.close("all")
-
-
 def image(value):
     return np.full((12, 16, 3), value, np.uint8)
 

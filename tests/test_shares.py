@@ -1,6 +1,5 @@
 """Results by the share of labels: what is drawn and said is what the tables hold."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
 import pytest
@@ -14,12 +13,6 @@ from ptae_lite.studies import supervision
 
 SHARES = (2, 10, 66.6, 100)
 KEY = supervision.KEY
-
-
-@pytest.fixture(autouse=True)
-def closed():
-    yield
-    plt.close("all")
 
 
 def made(model, mode, variant, share, seed, accuracy, error):
