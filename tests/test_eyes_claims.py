@@ -147,10 +147,33 @@ def test_the_order_at_the_greatest_lengths_is_that_of_equal_compute(rows, text):
     assert not ahead & set(DOWN)
 
 
-def test_what_ptae_reaches_with_each_eye_TO_BE_COMPLETED(text):
-    """Once `results/eyes_ptae.csv` is stored, pin here what the page then says about it."""
-    silent = "this page claims nothing about PTAE" in text
-    assert silent == (len(eyes_ptae.stored()) == 0)
+@pytest.fixture(scope="module")
+def in_use():
+    """PTAE's scores by eye: a column a measure, a row a seed."""
+    return eyes_ptae.stored().set_index("eye")
+
+
+def test_ptae_was_trained_three_times_with_each_eye(in_use):
+    assert set(in_use.index) == {*eyes.CAES, *eyes.PCAS}
+    assert in_use.groupby("eye")["seed"].nunique().eq(3).all()
+
+
+def test_ptae_describes_better_with_the_separated_eye(in_use):
+    own, ten, thirty = (in_use.loc[name, "describe_accuracy"] for name in eyes.CAES)
+    assert own.min() > ten.max()
+    assert own.mean() > thirty.mean() + 3 and own.min() < thirty.max()  # the ranges touch
+
+
+def test_ptae_moves_more_exactly_with_the_plain_eye_of_the_same_size(in_use):
+    assert (
+        in_use.loc[PLAIN_30, "execute_nrmse"].max() < in_use.loc[SEPARATED, "execute_nrmse"].min()
+    )
+
+
+def test_joint_pca_serves_ptae_as_well(in_use):
+    joint, own = in_use.loc["PCA 30"], in_use.loc[SEPARATED]
+    assert joint["describe_accuracy"].median() >= own["describe_accuracy"].median()
+    assert joint["execute_nrmse"].max() < own["execute_nrmse"].min()
 
 
 def test_drawings_are_stored_of_every_eye():
