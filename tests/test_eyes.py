@@ -303,7 +303,7 @@ def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monke
 
     monkeypatch.setattr(eyes_ptae, "train", train)
     monkeypatch.setattr(eyes_ptae, "evaluate", evaluate)
-    row = eyes_ptae.run_one(seen, work / "plain_10_seed1" / "features.npz", 1)
+    row = eyes_ptae.run_one(seen, "plain 10", 1, work / "plain_10_seed1" / "features.npz")
     assert asked == [(4, 1)]
     assert (row["steps"], row["describe_accuracy"], row["width"]) == (7, 50.123, 4)
 
@@ -311,9 +311,9 @@ def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monke
 def test_the_ptae_study_does_what_is_missing(seen, work, monkeypatch, tmp_path):
     asked = []
 
-    def run_one(samples, features, seed):
+    def run_one(samples, eye, seed, features):
         asked.append((features.parent.name, seed))
-        return {"describe_accuracy": 10.0 * seed}
+        return {"eye": eye, "seed": seed, "describe_accuracy": 10.0 * seed}
 
     monkeypatch.setattr(eyes_ptae, "run_one", run_one)
     eyes_ptae.study(seen, tmp_path, work, (0,))
@@ -336,13 +336,13 @@ def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path
 def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, module, given):
     monkeypatch.chdir(tmp_path)
 
-    def study(samples, *asked, progress):
-        assert samples == "stored" and list(asked) == given
+    def study(samples, *asked, workers, progress):
+        assert samples == "stored" and list(asked) == given and workers == 2
         return pd.DataFrame({"eye": [1, 2, 3]})
 
     monkeypatch.setattr(dataset, "load", lambda: "stored")
     monkeypatch.setattr(module, "study", study)
-    options = ["--recording", "R", "--out", "T", "--eyes", "W", "--seeds", "0", "2", "--json"]
-    assert cli.main(["study", name, *options]) == 0
+    options = ["--recording", "R", "--out", "T", "--eyes", "W", "--seeds", "0", "2"]
+    assert cli.main(["study", name, *options, "--workers", "2", "--json"]) == 0
     made = json.loads(capsys.readouterr().out)
     assert made["rows"] == 3 and made["table"] == f"T/{module.__name__.rsplit('.', 1)[1]}.csv"

@@ -87,6 +87,13 @@ def test_workers_give_the_rows_that_one_process_gives(tmp_path):
     assert kept == [(3, 1), (2, 1)] and sorted(side_by_side) == sorted(kept)
 
 
+def test_two_processes_that_add_to_one_table_lose_no_row(tmp_path):
+    path = tmp_path / "rows.csv"
+    todo = [(path, pd.DataFrame({"n": [number]}), ["n"]) for number in range(40)]
+    tables.run(tables.add, todo, lambda _: None, workers=2)
+    assert pd.read_csv(path)["n"].tolist() == list(range(40))
+
+
 def test_a_variant_that_does_not_exist_is_refused(few, tmp_path):
     with pytest.raises(ConfigError, match="no variant 'QTAE'; there are PTAE; PGAE; PVAE"):
         family.study(few, tmp_path, ("QTAE",))

@@ -262,6 +262,14 @@ def test_the_grid_holds_both_experiments_three_times_and_no_training_twice():
     assert [j.seed for j in core if j.model == "ptae"] == [0] * 5 + [1] * 5 + [2] * 5
 
 
+def test_the_core_of_the_grid_is_the_grid_without_its_variants():
+    whole, core = supervision.grid(), supervision.grid(core=True)
+    assert core == whole[: len(core)]
+    trained = [j for j in core if j.model != "linear"]
+    assert {j.variant for j in trained if not j.regular} == {"balanced", "paper"}
+    assert {j.mode for j in trained if j.variant == "paper" and not j.regular} == {"iterations"}
+
+
 def test_jobs_are_selected_by_their_fields():
     grid = supervision.grid((0,))
     few = supervision.select(grid, model=["pgae"], mode=None, share=[2.0, 66.6])

@@ -78,8 +78,8 @@ def check_writable(path) -> None:
 
 
 @contextmanager
-def alone(path):
-    """Refuse with `FileError` to work on `path` while another run does.
+def alone(path, wait_s: float = 0):
+    """Work on `path` while no other run does; refuse with `FileError` where one goes on longer.
 
     The lock is the operating system's and lies beside `path`, in `NAME.lock`; it ends with the
     process that holds it, also with one that is killed.
@@ -87,7 +87,7 @@ def alone(path):
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(path.with_name(path.name + ".lock"), timeout=0)
+        lock = FileLock(path.with_name(path.name + ".lock"), timeout=wait_s)
         lock.acquire()
     except Timeout:
         raise FileError(

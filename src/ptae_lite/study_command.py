@@ -17,7 +17,7 @@ def _supervision(options) -> dict:
 
     samples = dataset.load(options.data, options.holdout)
     jobs = supervision.select(
-        supervision.grid(options.seeds), model=options.models, mode=options.modes,
+        supervision.grid(options.seeds, options.core), model=options.models, mode=options.modes,
         variant=options.variants, share=options.shares,
     )  # fmt: skip
     table = supervision.study(
@@ -34,7 +34,8 @@ def _eyes(options) -> dict:
 
     table = eyes.study(
         dataset.load(), options.recording, options.out, options.eyes, options.seeds or (0, 1, 2),
-        progress=lambda jobs: bar(jobs, desc="trainings"),
+        workers=options.workers,
+        progress=lambda results, total: bar(results, total=total, desc="eyes"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / "eyes.csv"), "rows": len(table)}
 
@@ -45,7 +46,8 @@ def _eyes_ptae(options) -> dict:
 
     table = eyes_ptae.study(
         dataset.load(), options.out, options.eyes, options.seeds or (0, 1, 2),
-        progress=lambda jobs: bar(jobs, desc="trainings"),
+        workers=options.workers,
+        progress=lambda results, total: bar(results, total=total, desc="trainings"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / "eyes_ptae.csv"), "rows": len(table)}
 
@@ -70,7 +72,8 @@ def _incongruence(options) -> dict:
     table = incongruence_table.study(
         dataset.load(options.data, options.holdout), options.out,
         options.variants or tuple(incongruence_table.MODELS), options.seeds or (0, 1, 2),
-        options.weights, progress=lambda results, total: bar(results, total=total, desc="models"),
+        options.weights, options.workers,
+        progress=lambda results, total: bar(results, total=total, desc="models"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / incongruence_table.FILE), "rows": len(table)}
 
@@ -115,10 +118,11 @@ def add_options(study: argparse.ArgumentParser) -> None:
     study.add_argument("--variants", nargs="+", metavar="NAME",
                        help="family, supervision: which variants; incongruence, closed-loop: "
                             "which models")  # fmt: skip
+    study.add_argument("--core", action="store_true",
+                       help="supervision: only what the figures of chapter 04 need")  # fmt: skip
     study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
     study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
-    study.add_argument("--workers", type=whole_number(1), default=1,
-                       help="family, supervision, closed-loop: trainings side by side")  # fmt: skip
+    study.add_argument("--workers", type=whole_number(1), default=1, help="trainings side by side")
     study.add_argument("--cluster", metavar="ADDRESS",
                        help="supervision: a Dask scheduler whose workers do the trainings; on a "
                             "trusted network only")  # fmt: skip

@@ -67,33 +67,33 @@ STAGES = (
           1, simulator=True),
     Stage("model", "ptae_lite train ptae --seed 0 --device {device} "
           "--out {out}/weights/ptae.safetensors", {"weights/ptae.safetensors": SCORES}, 3),
-    Stage("conflicts", "ptae_lite study incongruence --weights {out}/weights --seeds {seeds} "
-          "--out {out}/results", {
+    Stage("conflicts", "ptae_lite study incongruence --workers 2 --weights {out}/weights "
+          "--seeds {seeds} --out {out}/results", {
         "results/incongruence.csv": table(
             ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
-            SCORED, 0.8)}, 0, 25),
+            SCORED, 0.8)}, 0, 15),
     Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
         "results/incongruence_stories.csv": table(
             ("sample", "signal", "conflict_in", "conflicts", "aspects"), ANSWERS, 0.7),
         "results/incongruence_stories.npz": SHAPES}, simulator=True),
-    Stage("supervision", "ptae_lite study supervision --models linear ptae --variants random "
-          "covering balanced paper --workers 2 --seeds {seeds} --out {out}/results", {
+    Stage("supervision", "ptae_lite study supervision --core --models linear ptae --workers 2 "
+          "--seeds {seeds} --out {out}/results", {
         "results/supervision.csv":
             table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
         "results/supervision_sentences.csv": table(
             ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
-        1, 35),  # PTAE's curves; the whole study takes hours more
+        1, 20),  # PTAE's curves; the whole study takes hours more
     Stage("family", "ptae_lite study family --workers 2 --seeds {seeds} --out {out}/results", {
         "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
         "results/family_curves.csv":
             table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8)}, 0, 30),
-    Stage("eyes", "ptae_lite study eyes --recording {out}/recording --eyes {out}/eyes "
-          "--seeds {seeds} --out {out}/results", {
+    Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
+          "--eyes {out}/eyes --seeds {seeds} --out {out}/results", {
         "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
-        "results/eyes_drawings.npz": SHAPES}, 2, 60, simulator=True),
-    Stage("eyes in use", "ptae_lite study eyes-ptae --eyes {out}/eyes --seeds {seeds} "
-          "--out {out}/results",
-          {"results/eyes_ptae.csv": table(("eye", "seed"), SCORED, 0.9)}, 0, 18, simulator=True),
+        "results/eyes_drawings.npz": SHAPES}, 2, 35, simulator=True),
+    Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
+          "--seeds {seeds} --out {out}/results",
+          {"results/eyes_ptae.csv": table(("eye", "seed"), SCORED, 0.9)}, 0, 10, simulator=True),
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(

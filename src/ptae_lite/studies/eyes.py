@@ -166,7 +166,7 @@ def restore(training: vision.EyeTraining, path: Path) -> float:
 
 
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
-          progress=lambda jobs: jobs) -> pd.DataFrame:  # fmt: skip
+          workers: int = 1, progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
     """Run what is missing in `eyes.csv`: the PCAs, then every CAE of a seed before the next seed.
 
     Args:
@@ -174,20 +174,25 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         folder: of the table.
         work: weights and features of each eye, and where its training stands.
         checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
+        workers: eyes side by side.
     """
     checkpoints, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
     jobs = [(name, 0) for name in PCAS if name not in set(bench.rows()["eye"])]
     jobs += [(name, seed) for seed in seeds for name in checkpoints]
-    for name, seed in progress(jobs):
-        if name in PCAS:
-            run_pca(bench, name)
-            continue
-        run_cae(bench, name, seed, checkpoints[name])
-        weights = bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
-        if not features_are_of(bench.place(name, seed) / "features.npz", weights):
-            bench.write_features(name, seed, weights)
+    todo = [(bench, name, seed, checkpoints.get(name)) for name, seed in jobs]
+    tables.run(run_one, todo, lambda _: None, workers, progress)
     write_drawings(bench, seeds[0], checkpoints)
     return bench.rows()
+
+
+def run_one(bench: Bench, name: str, seed: int, checkpoints) -> None:
+    """An eye's rows, weights and features; the bench writes them."""
+    if name in PCAS:
+        return run_pca(bench, name)
+    run_cae(bench, name, seed, checkpoints)
+    weights = bench.place(name, seed) / f"eye_{max(checkpoints)}.safetensors"
+    if not features_are_of(bench.place(name, seed) / "features.npz", weights):
+        bench.write_features(name, seed, weights)
 
 
 def write_drawings(bench: Bench, seed: int, checkpoints) -> None:

@@ -41,11 +41,12 @@ def jobs_in(work, seeds) -> list[tuple[str, int, Path]]:
     return found
 
 
-def run_one(samples: Samples, features: Path, seed: int) -> dict[str, float]:
+def run_one(samples: Samples, eye: str, seed: int, features: Path) -> dict:
     """Train PTAE on what an eye sees and score it on the test samples."""
     begun, seen = time.perf_counter(), dataset.with_features(samples, features)
     trained = train(seen, replace(RECIPES["ptae"], seed=seed))
-    row = {"steps": trained.about["steps"], "seconds": round(time.perf_counter() - begun)}
+    row = {"eye": eye, "seed": seed, "steps": trained.about["steps"],
+           "seconds": round(time.perf_counter() - begun)}  # fmt: skip
     return row | {name: round(v, 3) for name, v in evaluate(trained, seen).items()}
 
 
@@ -56,12 +57,21 @@ def stored() -> pd.DataFrame:
     return pd.DataFrame(columns=[*KEY, "describe_accuracy", "execute_nrmse"])
 
 
-def study(samples: Samples, folder, work, seeds=(0, 1, 2),
-          progress=lambda jobs: jobs) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `eyes_ptae.csv`, writing each row as its training ends."""
+def study(samples: Samples, folder, work, seeds=(0, 1, 2), workers: int = 1,
+          progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
+    """Run what is missing in `eyes_ptae.csv`, writing each row as its training ends.
+
+    Args:
+        folder: of the table.
+        work: the folder of the eyes' features, as `studies.eyes` leaves it.
+        workers: trainings side by side.
+    """
     jobs, table = jobs_in(work, seeds), Path(folder) / "eyes_ptae.csv"
     done = tables.there(table, KEY)
-    for name, seed, path in progress([job for job in jobs if job[:2] not in done]):
-        row = {"eye": name, "seed": seed} | run_one(samples, path, seed)
+    todo = [(samples, *job) for job in jobs if job[:2] not in done]
+
+    def keep(row: dict) -> None:
         tables.add(table, pd.DataFrame([row]), KEY)
+
+    tables.run(run_one, todo, keep, workers, progress)
     return pd.read_csv(table)

@@ -127,29 +127,31 @@ def model_of(samples: Samples, name: str, seed: int, weights=None, recipe: Recip
     return trained
 
 
+def run_one(samples: Samples, name: str, seed: int, weights=None) -> pd.DataFrame:
+    """The rows of one model, which is trained first if it is not there; see `study`."""
+    rows = run(model_of(samples, name, seed, weights), samples, seed)
+    which = pd.DataFrame({"data": samples.name, "model": name, "seed": seed}, index=rows.index)
+    return pd.concat([which, rows.round(3)], axis=1)
+
+
 def study(samples: Samples, folder, models=tuple(MODELS), seeds=(0, 1, 2), weights=None,
-          progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
+          workers: int = 1, progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
     """Run what is missing in `incongruence.csv`, writing the rows of a model when all are there.
 
     Args:
         folder: of the table.
         weights: a folder of trained models, NAME_seedN.safetensors: what is there is not trained
             again, what is missing is put there; none are looked for or kept if None.
+        workers: models side by side.
     """
     for name in models:
         if name not in MODELS:
             raise ConfigError(f"no model {name!r} in this study; there are {', '.join(MODELS)}")
     table = Path(folder) / FILE
     done = tables.there(table, TRAINING)
-    jobs = [(name, seed) for seed in seeds for name in models
+    jobs = [(samples, name, seed, weights) for seed in seeds for name in models
             if (samples.name, name, seed) not in done]  # fmt: skip
-
-    def work(name: str, seed: int) -> pd.DataFrame:
-        rows = run(model_of(samples, name, seed, weights), samples, seed)
-        which = pd.DataFrame({"data": samples.name, "model": name, "seed": seed}, index=rows.index)
-        return pd.concat([which, rows.round(3)], axis=1)
-
-    tables.run(work, jobs, lambda rows: tables.add(table, rows, KEY), 1, progress)
+    tables.run(run_one, jobs, lambda rows: tables.add(table, rows, KEY), workers, progress)
     return read(table)
 
 

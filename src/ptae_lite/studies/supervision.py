@@ -76,10 +76,11 @@ class Job(NamedTuple):
         return self.share == REGULAR[self.mode]
 
 
-def grid(seeds=None) -> list[Job]:
+def grid(seeds=None, core: bool = False) -> list[Job]:
     """Every job of the study, in order.
 
-    First what takes no time, then seed by seed what the figures need, then the variants.
+    First what takes no time, then seed by seed what the figures need, then the variants; these are
+    left out of the `core`.
     """
     found = [
         Job("linear", "samples", variant, share, seed)
@@ -97,7 +98,7 @@ def grid(seeds=None) -> list[Job]:
             more(model, "samples", "balanced", seed, *SHARES["samples"])
             more(model, "iterations", "paper", seed, *SHARES["iterations"])
         more("pvae", "samples", "balanced", seed, 2, 10, 20, 50, 100)
-    for model in ("ptae", "pgae"):
+    for model in () if core else ("ptae", "pgae"):
         for seed in seeds:
             more(model, "iterations", "long", seed, 1, 2)
             more(model, "samples", "covering", seed, 1, 2, 5)

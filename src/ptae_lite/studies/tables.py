@@ -10,9 +10,10 @@ import torch
 from joblib import Parallel, delayed, parallel_config
 
 from ptae_lite.errors import ArtefactError, ConfigError
-from ptae_lite.files import whole
+from ptae_lite.files import alone, whole
 
 PATIENCE_S = 10  # for a scheduler to answer
+TURN_S = 60  # for another process to have written its rows
 
 
 def read(path: Path, key: list[str]) -> pd.DataFrame:
@@ -42,13 +43,15 @@ def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None 
     """Add rows to a table, in the order of `order` (of `key`); it is written whole or not at all.
 
     Rows of the same key are replaced: a training may have been stopped between its two tables.
+    Several processes may add to one table.
     """
-    old = read(path, key)
-    if len(old):
-        again = _index(old, key).isin(_index(rows, key))
-        rows = pd.concat([old[~again], rows], ignore_index=True)
-    with whole(path) as beside:
-        rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
+    with alone(path, TURN_S):
+        old = read(path, key)
+        if len(old):
+            again = _index(old, key).isin(_index(rows, key))
+            rows = pd.concat([old[~again], rows], ignore_index=True)
+        with whole(path) as beside:
+            rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
 
 
 def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
