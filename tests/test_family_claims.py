@@ -92,3 +92,16 @@ def test_ptae_needs_as_many_updates_as_pgae_but_three_fifths_of_the_time():
 def test_this_seed_is_a_lucky_one(rows):
     own = rows[rows["variant"] == "PTAE"].set_index("seed")["describe_accuracy"]
     assert own.idxmax() == 0
+
+
+def test_on_the_authors_data_pgae_knows_scenes_by_heart():
+    """Where a twin of the other speed was in training it describes worse than in a new scene."""
+    table = pd.read_csv(artefacts.stored("results/family.csv"))
+    theirs = table[table["data"] != "recording"].set_index("variant")
+    assert set(theirs["data"]) == {"authors, 18 held out"} and (theirs["seed"] == 0).all()
+    describe = theirs[["describe_accuracy", "describe_accuracy_new_scenes"]]
+    assert (describe.loc[["PTAE", "PVAE"]] == 100).all(axis=None)
+    whole, new = describe.loc["PGAE"]
+    assert whole < 50 and new > 90
+    own = table[table["data"] == "recording"].groupby("variant")["execute_nrmse"].median()
+    assert (theirs["execute_nrmse"] / own)[["PTAE", "PVAE"]].between(0.45, 0.55).all()
