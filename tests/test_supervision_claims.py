@@ -6,6 +6,7 @@ import pytest
 from ptae_lite import artefacts
 from ptae_lite.display import shares
 from ptae_lite.evaluation import CHANCE
+from ptae_lite.studies.supervision import SHARES
 
 ACTION_WORD = 7.1  # execute NRMSE of the mean motion of the action word; the chapter prints it
 WORDS = ["action_accuracy", "colour_accuracy", "speed_accuracy"]
@@ -37,31 +38,96 @@ def test_execute_holds_out_longer(ptae):
     error = ptae.groupby("share")["execute_nrmse"].mean()
     assert 1.1 < error[10] / error[100] < 1.3
     for share in (2, 5):
-        assert 1.9 < error[share] / error[100] < 2.2
-        assert 0.4 < error[share] / ACTION_WORD < 0.6
-    assert 0.7 < error[1] / ACTION_WORD < 1
+        assert 1.6 < error[share] / error[100] < 2.5
+    assert 0.5 < error[1] / ACTION_WORD < 0.9
 
 
 def test_few_iterations_cost_less_than_few_samples(table, ptae):
     few = shares.rows_of(table, "ptae", "iterations").groupby("share")["describe_accuracy"].mean()
     samples = ptae.groupby("share")["describe_accuracy"].mean()
-    assert (few[[2, 10, 20]] > samples[[2, 10, 20]] + 9).all()
-    assert few[10] > 90 and samples[10] < 65
-    assert few[[10, 20, 50]].between(90, 98).all()
+    assert (few[[2, 10, 20]] > samples[[2, 10, 20]] + 8).all()
+    assert 60 < samples[10] < 70
+    assert few[[10, 20]].between(87, 93).all() and few[50] > 97
+    assert 45 < few[2] < 55 and 30 < few[1] < 38
+
+
+def described(table, model, mode):
+    rows = shares.rows_of(table, model, mode)
+    return rows.set_index(["share", "seed"])["describe_accuracy"]
+
+
+@pytest.mark.parametrize(("mode", "behind"), [("samples", [(2, 1)]), ("iterations", [])])
+def test_ptae_is_ahead_of_pgae_at_every_share_with_every_seed_but_one(table, mode, behind):
+    ahead = (described(table, "ptae", mode) - described(table, "pgae", mode)).dropna()
+    assert len(ahead) >= 2 * len(SHARES[mode])
+    assert list(ahead.index[ahead < 0]) == behind
+    assert (ahead.groupby("share").mean() > 0).all()
+
+
+def test_with_a_tenth_of_the_samples_ptae_describes_twice_as_much_as_pgae(table):
+    ptae, pgae, pvae = (described(table, m, "samples") for m in ("ptae", "pgae", "pvae"))
+    assert 1.8 < ptae[10].mean() / pgae[10].mean() < 2.3
+    assert 11 < ptae[100].mean() - pgae[100].mean() < 13
+    assert 30 < ptae[10].mean() - pgae[10].mean() < 34
+    for share in (10, 20):
+        assert pgae[share].mean() < pvae[share].mean() < ptae[share].mean()
+    assert pvae[2].mean() < pgae[2].mean()
+    for share in (50, 100):
+        assert ptae[share].mean() < pvae[share].mean() < ptae[share].mean() + 3
+
+
+def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
+    words = {m: shares.rows_of(table, m, "samples").query("share == 10")[WORDS].mean()
+             for m in ("ptae", "pgae", "pvae")}  # fmt: skip
+    assert words["ptae"]["speed_accuracy"] == 100 and words["pgae"]["speed_accuracy"] < 90
+    assert words["pgae"]["colour_accuracy"] < words["ptae"]["colour_accuracy"] - 15
+    assert abs(words["pvae"]["colour_accuracy"] - words["ptae"]["colour_accuracy"]) < 4
+    assert words["pvae"]["action_accuracy"] < words["ptae"]["action_accuracy"] - 15
+
+
+def test_pgae_executes_with_two_thirds_of_the_samples_as_with_all(table):
+    """The paper's text has almost 8 %, from below 0.5."""
+    rows = shares.rows_of(table, "pgae", "samples").groupby("share")["execute_nrmse"].mean()
+    assert rows[66.6] / rows[100] < 1.1 and 4.5 < rows[1] < 6
+
+
+def test_pvaes_execute_hardly_notices_what_is_missing(table):
+    rows = shares.rows_of(table, "pvae", "samples").groupby("share")["execute_nrmse"].mean()
+    assert set(rows.index) == {2, 10, 20, 50, 100} and rows[2] / rows[100] < 1.3
+
+
+def test_what_a_longer_training_makes_of_few_iterations(table):
+    short = described(table, "ptae", "iterations")
+    rows = table[(table["model"] == "ptae") & (table["variant"] == "long")].set_index("share")
+    assert list(rows["seed"]) == [0, 0]
+    assert rows.loc[2, "describe_accuracy"] == pytest.approx(94.4, abs=0.5)
+    assert rows.loc[2, "describe_accuracy"] > short[10, 0] > short[20, 0]
+    assert short[2, 0] < 50 and 55 < rows.loc[1, "describe_accuracy"] < 62
+    shown = table[(table["model"] == "ptae") & (table["variant"] == "paper") & (table["seed"] == 0)]
+    shown = shown[shown["share"] == 10]["supervised_presentations"].item()
+    assert 0.75 < rows.loc[1, "supervised_presentations"] / shown < 1
+    assert (rows["execute_nrmse"] < 1.4).all()
+    assert (shares.rows_of(table, "ptae", "iterations")["execute_nrmse"] > 1.6).all()
 
 
 def test_the_repeat_signals_notice_nothing(ptae):
     assert (ptae["repeat_language_accuracy"] == 100).all()
-    assert ptae["repeat_action_nrmse"].between(1.6, 1.9).all()
+    assert ptae["repeat_action_nrmse"].between(1.6, 2.0).all()
 
 
-def test_from_the_same_labels_ptae_describes_hardly_better_than_weighted_sums(ptae, linear):
+def test_from_the_same_few_labels_networks_describe_worse_than_weighted_sums(table, ptae, linear):
     random = linear[linear["variant"] == "random"].set_index(["share", "seed"])
     mine = ptae[ptae["share"] < 100].set_index(["share", "seed"])["describe_accuracy"]
     ahead = mine - random["describe_accuracy"].reindex(mine.index)
-    assert ahead.min() > -9 and ahead.max() < 6
-    assert {share for share, _ in ahead[ahead < -2.5].index} == {5, 10, 20}
-    assert {share for share, _ in ahead[ahead > 0].index} == {1, 2, 50, 66.6}
+    assert len(ahead) == 21
+    assert (ahead[[5, 10]] < -2.5).all() and ahead[[5, 10]].min() > -18
+    assert (ahead[20] < 0).tolist() == [True, True, False]
+    assert (ahead[1] > 0).all() and ahead[1].max() < 9
+    assert (ahead[[50, 66.6]] > 0).sum() == 5 and ahead[[50, 66.6]].between(-1, 5).all()
+    pgae = shares.rows_of(table, "pgae", "samples").query("share < 100")
+    pgae = pgae.set_index(["share", "seed"])["describe_accuracy"]
+    behind = (pgae - random["describe_accuracy"]).dropna()
+    assert (behind[[5, 10, 20, 50, 66.6]] < -10).all()
 
 
 def test_at_ten_percent_ptae_is_below_the_worst_of_twenty_weighted_sums(ptae, linear):

@@ -22,7 +22,15 @@ from ptae_lite.display.workshop import Workshop
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import CHANCE
 from ptae_lite.language import SYNONYMS, Meaning
-from ptae_lite.studies.supervision import REGULAR, SHARES, Job, examples, fit, scores
+from ptae_lite.studies.supervision import (
+    REGULAR,
+    SHARES,
+    VARIANTS,
+    Job,
+    examples,
+    fit,
+    scores,
+)  # fmt: skip
 from ptae_lite.training import RECIPES
 
 LOOKS = {  # colour, dash, mark; and of the paper's points
@@ -52,7 +60,8 @@ def by_share(table: pd.DataFrame) -> Figure:
     """The paper's figures: describe by iterations and by samples, execute by samples.
 
     A point is the mean over the seeds, its bar reaches from the worst to the best of them; one
-    seed has no bar. Triangles are the numbers that the paper's text states, in the model's colour.
+    seed has no bar. Hollow marks are the longer trainings with few iterations, triangles the
+    numbers that the paper's text states, in the model's colour.
     """
     figure, axes = plt.subplots(1, 3, figsize=(9.5, 3.3))
     for axis, (column, mode) in zip(axes, PAPERS, strict=True):
@@ -221,6 +230,11 @@ def _draw(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> None:
             bars = [side.where(several.notna()) for side in reach]
             axis.errorbar(found.index, found["mean"], yerr=bars, color=colour, linestyle=dash,
                           marker=mark, markersize=4, capsize=2, label=NAMES[model])  # fmt: skip
+        longer = table[(table["model"] == model) & (table["mode"] == mode)]
+        longer = longer[longer["variant"] == "long"].groupby("share")[column].mean()
+        if len(longer):
+            axis.plot(longer, mark, color=colour, fillstyle="none", markersize=6,
+                      label=f"{NAMES[model]}, {VARIANTS['long'].times} times as long")  # fmt: skip
         paper = published.BY_SHARE.get((model, column, mode))
         if paper:
             axis.plot(list(paper), [claim.value for claim in paper.values()], "^", color=colour,
