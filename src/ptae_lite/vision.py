@@ -125,7 +125,8 @@ def as_input(images: UInt8[np.ndarray, "B 120 160 3"]) -> Float[Tensor, "B 3 120
         raise ConfigError(
             f"images are B x 120 x 160 x 3 bytes, not {images.shape} of {images.dtype}"
         )
-    return torch.from_numpy(images).permute(0, 3, 1, 2).float().div_(255)
+    own = np.require(images, requirements="W")  # shared with other processes they cannot be written
+    return torch.from_numpy(own).permute(0, 3, 1, 2).float().div_(255)
 
 
 class PixelCrossEntropy(torch.autograd.Function):
