@@ -174,8 +174,8 @@ def study(seen, monkeypatch, tmp_path):
         eye_scores, "scores", lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both}
     )
 
-    def run(seeds=(0,), checkpoints=STEPS, work="work"):
-        return eyes.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints)
+    def run(seeds=(0,), checkpoints=STEPS, work="work", weights=None):
+        return eyes.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints, weights)
 
     run.folder = tmp_path
     return run
@@ -220,6 +220,12 @@ def test_a_row_is_what_a_training_of_that_length_gives(study):
         eye = vision.make_eye("separated")
         vision.train_eye(eye, images, vision.EyeRecipe(steps=presentations // 2))
         assert table["separated 3x10", 0, presentations, "test"] == sum_of(eye)
+
+
+def test_the_eye_of_the_book_is_the_longest_separated_one(study):
+    study(weights=study.folder / "kept")
+    kept = (study.folder / "kept" / "cae.safetensors").read_bytes()
+    assert kept == (study.folder / "work/separated_3x10_seed0/eye_20.safetensors").read_bytes()
 
 
 def test_drawings_are_of_each_eye_at_its_longest(study):
@@ -329,18 +335,23 @@ def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path
         eyes_ptae.study(seen, tmp_path, tmp_path / "none")
 
 
+OWN = {"weights": None, "device": "cpu"}
+
+
 @pytest.mark.parametrize(
-    ("name", "module", "given"),
-    [("eyes", eyes, ["R", "T", "W", [0, 2]]), ("eyes-ptae", eyes_ptae, ["T", "W", [0, 2]])],
-)
-def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, module, given):
+    ("name", "module", "given", "more"),
+    [("eyes", eyes, ["of R", "R", "T", "W", [0, 2]], OWN),
+     ("eyes-ptae", eyes_ptae, ["stored", "T", "W", [0, 2]], {})],
+)  # fmt: skip
+def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, module, given, more):
     monkeypatch.chdir(tmp_path)
 
-    def study(samples, *asked, workers, progress):
-        assert samples == "stored" and list(asked) == given and workers == 2
+    def study(*asked, progress, **named):
+        assert list(asked) == given and named == {"workers": 2} | more
         return pd.DataFrame({"eye": [1, 2, 3]})
 
     monkeypatch.setattr(dataset, "load", lambda: "stored")
+    monkeypatch.setattr(dataset, "load_unseen", lambda folder: f"of {folder}")
     monkeypatch.setattr(module, "study", study)
     options = ["--recording", "R", "--out", "T", "--eyes", "W", "--seeds", "0", "2"]
     assert cli.main(["study", name, *options, "--workers", "2", "--json"]) == 0

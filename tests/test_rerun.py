@@ -194,12 +194,6 @@ def test_a_second_run_in_the_same_folder_is_refused(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
-def test_the_device_is_a_gpu_only_where_there_is_one(monkeypatch):
-    for there, wanted in ((True, "cuda"), (False, "cpu")):
-        monkeypatch.setattr(full.torch.cuda, "is_available", lambda there=there: there)
-        assert full.device("auto") == wanted and full.device("cpu") == "cpu"
-
-
 # ---------------------------------------------------------------- comparing
 
 

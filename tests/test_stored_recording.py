@@ -1,6 +1,8 @@
 """The recording in data/: each sample its own motion, nothing shared, cubes pushed by physics."""
 
 import colorsys
+import json
+import shutil
 from collections import Counter
 from types import SimpleNamespace
 
@@ -10,7 +12,7 @@ import pytest
 from ptae_lite import artefacts, dataset, frames, readout
 from ptae_lite.errors import RecordingError
 from ptae_lite.language import pattern, patterns
-from ptae_lite.robot import arm, inverse, motions, scene
+from ptae_lite.robot import arm, inverse, motions, recorder, scene
 from ptae_lite.robot.recorder import record_sequence, samples_in_order
 from ptae_lite.splits import SPLITS
 
@@ -170,6 +172,20 @@ def test_the_stored_recording_loads_with_its_features():
     for array in (samples.joints, samples.features, samples.cubes):
         assert np.isfinite(array).all() and not array[~inside].any()
     assert samples.features[inside].std(0).min() > 0
+
+
+def test_a_recording_is_read_before_an_eye_has_looked_at_it(tmp_path):
+    about = {"format": recorder.FORMAT, "fingerprint": "0"}
+    (tmp_path / "recording.json").write_text(json.dumps(about))
+    with pytest.raises(RecordingError, match="samples.npz is missing; make it .*ptae_lite record"):
+        dataset.load_unseen(tmp_path)
+    shutil.copy(artefacts.stored("recording/samples.npz"), tmp_path)
+    unseen, seen = dataset.load_unseen(tmp_path), dataset.load()
+    assert unseen.features.shape == (864, 100, 0)
+    for name in ("joints", "cubes", "touched", "frames", "pattern", "variation"):
+        np.testing.assert_array_equal(getattr(unseen, name), getattr(seen, name))
+    with pytest.raises(RecordingError, match="features.npz is missing; make it .*lite features"):
+        dataset.load(tmp_path)
 
 
 def test_a_linear_read_out_of_first_frames_knows_colours_and_places():

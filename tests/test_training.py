@@ -252,26 +252,6 @@ def test_held_out_patterns_ask_what_the_test_patterns_ask(samples):
     assert {shown[p.arrangement] for p in held} == {7}  # of 12
 
 
-def test_a_device_that_is_not_here_is_refused(few, tiny):
-    message = "device 'tpu9' cannot be used here, .*; train without --device"
-    with pytest.raises(ConfigError, match=message):
-        training.train(few, Recipe(epochs=1, batch=8), config=tiny, device="tpu9")
-    if not torch.cuda.is_available():
-        with pytest.raises(ConfigError, match="device 'cuda' cannot be used here"):
-            training.train(few, Recipe(epochs=1, batch=8), config=tiny, device="cuda")
-
-
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
-@pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
-def test_a_gpu_trains_the_same_model(few, small_configs, model):
-    recipe, made = Recipe(epochs=1, batch=8), []
-    for device in ("cpu", "cuda"):
-        trained = training.train(few, recipe, model=model, config=small_configs[model],
-                                 device=device)  # fmt: skip
-        made.append(torch.cat([p.flatten() for p in trained.model.parameters()]))
-    torch.testing.assert_close(*made, atol=1e-3, rtol=0)
-
-
 def test_the_action_decoder_learns_at_its_own_pace(few, tiny):
     """Without a pace it stays as it was made; the rest does not."""
     torch.manual_seed(0)

@@ -142,8 +142,9 @@ def _train_eye(options) -> dict:
     eye = vision.make_eye("separated" if options.model == "cae" else "plain", options.code)
     images = frames.training_images(options.data)
     losses = vision.train_eye(
-        eye, images, recipe, progress=lambda steps: bar(steps, desc="CAE", unit=" steps")
-    )
+        eye, images, recipe, device=options.device,
+        progress=lambda steps: bar(steps, desc="CAE", unit=" steps"),
+    )  # fmt: skip
     vision.save_eye(options.out, eye, recipe)
     return {"weights": str(options.out), "loss": round(sum(losses[-100:]) / len(losses[-100:]), 4)}
 

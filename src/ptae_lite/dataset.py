@@ -156,14 +156,26 @@ def load(data="recording", holdout: int | None = None) -> Samples:
         raise ConfigError(f"{data} has a test part of its own; leave --holdout out")
     if str(data) == "recording":
         return load_stored()
+    arrays = _recorded(data, "samples.npz", "record")
+    return _assemble(arrays, _recorded(data, "features.npz", "features"), data, None)
+
+
+def load_unseen(recording) -> Samples:
+    """The samples of a folder that `record` made, before any eye has looked: F is 0."""
+    arrays = _recorded(recording, "samples.npz", "record")
+    unseen = {"features": np.zeros((len(arrays.get("joints_rad", ())), 0)), "eye": "none"}
+    return _assemble(arrays, unseen, recording, None)
+
+
+def _recorded(folder, name: str, command: str) -> dict[str, np.ndarray]:
+    """A file of a recording's folder, and what makes it."""
     from ptae_lite.robot.recorder import check_ours
 
-    check_ours(data, same_scene=False)
-    arrays, feature_file = Path(data) / "samples.npz", Path(data) / "features.npz"
-    for path, command in ((arrays, "record"), (feature_file, "features")):
-        if not path.is_file():
-            raise RecordingError(f"{path} is missing; make it with: python -m ptae_lite {command}")
-    return _assemble(_read(arrays), _read(feature_file), data, None)
+    check_ours(folder, same_scene=False)
+    path = Path(folder) / name
+    if not path.is_file():
+        raise RecordingError(f"{path} is missing; make it with: python -m ptae_lite {command}")
+    return _read(path)
 
 
 def load_stored(data: Path | None = None) -> Samples:

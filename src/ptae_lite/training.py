@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Int
 from torch import Tensor, nn
 
+from ptae_lite import devices
 from ptae_lite.dataset import HALF_WHITE, Samples, Scaling, fit_scaling, prepare
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
@@ -178,7 +179,7 @@ def train(
         ConfigError: no such model, sizes of another one, no such device here, samples that do not
             fill a batch, labelled samples from outside the split.
     """
-    check_device(device)
+    devices.check(device)
     if model not in MODELS:
         raise ConfigError(f"no model {model!r}; there are {', '.join(MODELS)}")
     make, make_config = MODELS[model]
@@ -260,14 +261,3 @@ def _told(rng, part: np.ndarray, signals: Tensor, strangers: np.ndarray) -> np.n
     """Whose sentence each sample is given: its own, but to repeat language any of `strangers`."""
     repeats = signals.numpy() == signal_number("repeat language")
     return np.where(repeats, rng.choice(strangers, len(part)), part)
-
-
-def check_device(device: str) -> None:
-    """Raise `ConfigError` where a device cannot be used here."""
-    try:
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError, NotImplementedError):
-        raise ConfigError(
-            f"device {device!r} cannot be used here, or PyTorch was built without it; "
-            "train without --device to use the CPU"
-        ) from None

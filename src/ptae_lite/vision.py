@@ -16,7 +16,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ptae_lite import artefacts, pca
+from ptae_lite import artefacts, devices, pca
 from ptae_lite.errors import ArtefactError, ConfigError
 
 CODE = 10  # features a channel
@@ -116,7 +116,9 @@ def make_eye(kind: str, code: int = CODE) -> nn.Module:
     return kinds[kind](code)
 
 
-def as_input(images: UInt8[np.ndarray, "B 120 160 3"]) -> Float[Tensor, "B 3 120 160"]:
+def as_input(
+    images: UInt8[np.ndarray, "B 120 160 3"], device: str = "cpu"
+) -> Float[Tensor, "B 3 120 160"]:
     """Camera images as a network takes them: 0 to 1, channels first (in name; not moved in memory).
 
     Convolutions are faster on images whose channels lie side by side, as the camera gives them.
@@ -126,7 +128,7 @@ def as_input(images: UInt8[np.ndarray, "B 120 160 3"]) -> Float[Tensor, "B 3 120
             f"images are B x 120 x 160 x 3 bytes, not {images.shape} of {images.dtype}"
         )
     own = np.require(images, requirements="W")  # shared with other processes they cannot be written
-    return torch.from_numpy(own).permute(0, 3, 1, 2).float().div_(255)
+    return torch.from_numpy(own).to(device).permute(0, 3, 1, 2).float().div_(255)
 
 
 class PixelCrossEntropy(torch.autograd.Function):
@@ -180,16 +182,17 @@ class EyeTraining:
     The rate rises in a straight line over the first steps, stays, and falls in a straight line to
     zero over the last fifth (ours). Until it falls, a training does not depend on how long it will
     be: a long one passes through the states that shorter ones end from. Each step draws its batch
-    from the seed and its own number.
+    from the seed and its own number. The eye stays on the `device`.
     """
 
-    def __init__(self, eye: nn.Module, recipe: EyeRecipe):
+    def __init__(self, eye: nn.Module, recipe: EyeRecipe, device: str = "cpu"):
+        devices.check(device)
         torch.manual_seed(recipe.seed)
         for layer in eye.modules():
             if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
                 layer.reset_parameters()
-        self.eye = eye.to(memory_format=torch.channels_last).train()
-        self.recipe, self.step = recipe, 0
+        self.eye = eye.to(device, memory_format=torch.channels_last).train()
+        self.recipe, self.device, self.step = recipe, device, 0
         self.optimiser = torch.optim.Adam(eye.parameters(), lr=recipe.learning_rate)
 
     def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
@@ -201,14 +204,15 @@ class EyeTraining:
         losses = []
         for step in progress(range(self.step, until)):
             rng = np.random.default_rng([self.recipe.seed, step])
-            x = as_input(images[rng.integers(0, len(images), self.recipe.batch)])
+            some = images[rng.integers(0, len(images), self.recipe.batch)]
+            x = as_input(some, self.device)
             for group in self.optimiser.param_groups:
                 group["lr"] = self.recipe.learning_rate * rate_share(step, steps)
             loss = PixelCrossEntropy.apply(self.eye.logits(x), x, value)
             self.optimiser.zero_grad()
             loss.backward()
             self.optimiser.step()
-            losses.append(loss.item())
+            losses.append(loss.item() if value else 0.0)
             self.step = step + 1
         return losses
 
@@ -218,13 +222,17 @@ def train_eye(
     images: UInt8[np.ndarray, "M 120 160 3"],
     recipe: EyeRecipe = EyeRecipe(),
     progress=lambda steps: steps,
+    device: str = "cpu",
 ) -> list[float]:
     """Train on random batches of `images` by pixel-wise cross-entropy; returns the loss curve.
 
     Only frames of training patterns belong in `images`. The loss is the paper's; the schedule is
-    ours (`EyeTraining`).
+    ours (`EyeTraining`). The arithmetic is done on the `device`; the eye comes back to the CPU.
     """
-    return EyeTraining(eye, recipe).go(images, recipe.steps, recipe.steps, progress=progress)
+    training = EyeTraining(eye, recipe, device)
+    losses = training.go(images, recipe.steps, recipe.steps, progress=progress)
+    eye.to("cpu")
+    return losses
 
 
 @torch.no_grad()

@@ -18,9 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-import torch
-
-from ptae_lite import artefacts
+from ptae_lite import artefacts, devices
 from ptae_lite.console import guarded, refuse_data, whole_number
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone, whole
@@ -209,11 +207,6 @@ def _sha256(path: Path) -> str:
     return artefacts.sha256(path, status.st_mtime_ns, status.st_size)
 
 
-def device(wanted: str) -> str:
-    """`auto` is a GPU where there is one. Scores may differ in their last digits, no more."""
-    return ("cuda" if torch.cuda.is_available() else "cpu") if wanted == "auto" else wanted
-
-
 def main(arguments=None, stages: tuple[Stage, ...] = STAGES) -> int:
     parser = argparse.ArgumentParser(prog="run.py full", description=__doc__.split(":")[0])
     parser.add_argument("--out", default="build/full", help="folder, new or to go on with")
@@ -225,7 +218,7 @@ def main(arguments=None, stages: tuple[Stage, ...] = STAGES) -> int:
     def work() -> int:
         out = Path(options.out).absolute()
         refuse_data(out, "build/full")
-        settings = Settings(out, options.seeds, device(options.device))
+        settings = Settings(out, options.seeds, devices.choose(options.device))
         if options.plan:
             return show_plan(Rerun(settings, stages))
         with alone(out):

@@ -56,26 +56,40 @@ STAGES = (
     Stage("recording", "ptae_lite record --out {out}/recording", {
         "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
         "recording/frames.zip": pictures(2)}, 4, simulator=True),
-    Stage("eye", "ptae_lite train cae --data {out}/recording --threads 2 "
-          "--out {out}/weights/cae.safetensors",
-          {"weights/cae.safetensors": drawing(0.25)}, 12, simulator=True),
+    Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
+          "--eyes {out}/eyes --weights {out}/weights --seeds {seeds} --device {device} "
+          "--out {out}/results", {
+        "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
+        "results/eyes_drawings.npz": SHAPES,
+        "weights/cae.safetensors": drawing(0.25)}, 2, 30, simulator=True),
     Stage("plain eye", "ptae_lite train plain-cae --data {out}/recording "
-          "--out {out}/weights/plain_cae.safetensors",
+          "--device {device} --out {out}/weights/plain_cae.safetensors",
           {"weights/plain_cae.safetensors": drawing(0.25)}, 5, simulator=True),
     Stage("features", "ptae_lite features --data {out}/recording "
           "--eye {out}/weights/cae.safetensors", {"recording/features.npz": READOUT},
           1, simulator=True),
+    Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
+          "--seeds {seeds} --out {out}/results",
+          {"results/eyes_ptae.csv": table(("eye", "seed"), SCORED, 0.9)}, 0, 11, simulator=True),
     Stage("model", "ptae_lite train ptae --seed 0 --device {device} "
           "--out {out}/weights/ptae.safetensors", {"weights/ptae.safetensors": SCORES}, 3),
+    Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
+          "--out {out}/results", {  # its PTAE is that of the studies below
+        "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
+        "results/family_curves.csv":
+            table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8)}, 0, 26),
     Stage("conflicts", "ptae_lite study incongruence --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/incongruence.csv": table(
             ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
-            SCORED, 0.8)}, 0, 15),
+            SCORED, 0.8)}, 0, 12),
     Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
         "results/incongruence_stories.csv": table(
             ("sample", "signal", "conflict_in", "conflicts", "aspects"), ANSWERS, 0.7),
         "results/incongruence_stories.npz": SHAPES}, simulator=True),
+    Stage("recipes", "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 "
+          "--out {out}/results",
+          {"results/recipes.csv": table(("choice", "seed"), SCORED, 0.9)}, 3),
     Stage("supervision", "ptae_lite study supervision --core --models linear ptae --workers 2 "
           "--seeds {seeds} --out {out}/results", {
         "results/supervision.csv":
@@ -83,17 +97,6 @@ STAGES = (
         "results/supervision_sentences.csv": table(
             ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
         1, 20),  # PTAE's curves; the whole study takes hours more
-    Stage("family", "ptae_lite study family --workers 2 --seeds {seeds} --out {out}/results", {
-        "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
-        "results/family_curves.csv":
-            table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8)}, 0, 30),
-    Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
-          "--eyes {out}/eyes --seeds {seeds} --out {out}/results", {
-        "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
-        "results/eyes_drawings.npz": SHAPES}, 2, 35, simulator=True),
-    Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
-          "--seeds {seeds} --out {out}/results",
-          {"results/eyes_ptae.csv": table(("eye", "seed"), SCORED, 0.9)}, 0, 10, simulator=True),
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(

@@ -9,6 +9,7 @@ decide when a training has levelled off; those on `test` are for the table.
 from __future__ import annotations
 
 import copy
+import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from ptae_lite import artefacts, dataset, frames, pca, vision
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
-from ptae_lite.files import write_arrays
+from ptae_lite.files import whole, write_arrays
 from ptae_lite.robot.recorder import load_sequence, samples_in_order
 from ptae_lite.studies import eye_scores, tables
 
@@ -101,14 +102,15 @@ def run_pca(bench: Bench, name: str) -> None:
                       "gflop": np.nan, "seconds": round(seconds, 1)})  # fmt: skip
 
 
-def run_cae(bench: Bench, name: str, seed: int, checkpoints, progress=lambda steps: steps):
+def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"):
     """Train a CAE past `checkpoints` (in presentations), with a row for each that is missing.
 
     What is there is kept, and the training goes on from where its constant part stood.
     """
     kind, code = CAES[name]
     eye, recipe = vision.make_eye(kind, code), vision.EyeRecipe(seed=seed)
-    training, trunk = vision.EyeTraining(eye, recipe), bench.place(name, seed) / "trunk.safetensors"
+    training = vision.EyeTraining(eye, recipe, device)
+    trunk = bench.place(name, seed) / "trunk.safetensors"
     spent = restore(training, trunk) if trunk.exists() else 0.0
     rows = bench.rows()
     done = rows[(rows["eye"] == name) & (rows["seed"] == seed)]["presentations"].tolist()
@@ -122,13 +124,13 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, progress=lambda ste
                 f"delete {trunk} to begin again"
             )
         begun = time.process_time()
-        training.go(bench.images, turn, value=False, progress=progress)
+        training.go(bench.images, turn, value=False)
         spent += time.process_time() - begun
         keep(training, trunk, spent)
         branch, begun = copy.deepcopy(training), time.process_time()
-        branch.go(bench.images, steps, steps, value=False, progress=progress)
+        branch.go(bench.images, steps, steps, value=False)
         seconds = spent + time.process_time() - begun
-        branch.eye.eval()
+        branch.eye.to("cpu").eval()
         if steps:
             whole = replace(recipe, steps=steps)
             vision.save_eye(trunk.with_name(f"eye_{presentations}.safetensors"), branch.eye, whole)
@@ -166,7 +168,8 @@ def restore(training: vision.EyeTraining, path: Path) -> float:
 
 
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
-          workers: int = 1, progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
+          weights=None, workers: int = 1, device: str = "cpu",
+          progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
     """Run what is missing in `eyes.csv`: the PCAs, then every CAE of a seed before the next seed.
 
     Args:
@@ -174,36 +177,43 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         folder: of the table.
         work: weights and features of each eye, and where its training stands.
         checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
+        weights: a folder for the book's eye, `cae.safetensors`: the longest separated CAE of the
+            first seed. Not kept if None.
         workers: eyes side by side.
+        device: where CAEs are trained; what they are worth is measured on the CPU.
     """
     checkpoints, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
     jobs = [(name, 0) for name in PCAS if name not in set(bench.rows()["eye"])]
     jobs += [(name, seed) for seed in seeds for name in checkpoints]
-    todo = [(bench, name, seed, checkpoints.get(name)) for name, seed in jobs]
+    todo = [(bench, name, seed, checkpoints.get(name), device) for name, seed in jobs]
     tables.run(run_one, todo, lambda _: None, workers, progress)
     write_drawings(bench, seeds[0], checkpoints)
+    if weights is not None:
+        with whole(Path(weights) / "cae.safetensors") as beside:
+            shutil.copyfile(longest(bench, "separated 3x10", seeds[0], checkpoints), beside)
     return bench.rows()
 
 
-def run_one(bench: Bench, name: str, seed: int, checkpoints) -> None:
+def run_one(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu") -> None:
     """An eye's rows, weights and features; the bench writes them."""
     if name in PCAS:
         return run_pca(bench, name)
-    run_cae(bench, name, seed, checkpoints)
-    weights = bench.place(name, seed) / f"eye_{max(checkpoints)}.safetensors"
+    run_cae(bench, name, seed, checkpoints, device)
+    weights = longest(bench, name, seed, {name: checkpoints})
     if not features_are_of(bench.place(name, seed) / "features.npz", weights):
         bench.write_features(name, seed, weights)
 
 
+def longest(bench: Bench, name: str, seed: int, checkpoints) -> Path:
+    """The weights of a CAE's longest training."""
+    return bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
+
+
 def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
     """`eyes_drawings.npz`: the test images of `eye_scores.DRAWN`, drawn by each eye of a seed."""
-    shown = {}
-    for name in (*checkpoints, *PCAS):
-        if name in PCAS:
-            weights = bench.place(name, 0) / "eye.safetensors"
-        else:
-            weights = bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
-        shown[name] = eye_scores.drawn(vision.load_eye(weights))
+    paths = {name: longest(bench, name, seed, checkpoints) for name in checkpoints}
+    paths |= {name: bench.place(name, 0) / "eye.safetensors" for name in PCAS}
+    shown = {name: eye_scores.drawn(vision.load_eye(path)) for name, path in paths.items()}
     write_arrays(bench.table.with_name("eyes_drawings.npz"), **shown)
 
 

@@ -1,0 +1,80 @@
+"""Where arithmetic is done: refusals anywhere; on a GPU, that it gives what the CPU gives."""
+
+import copy
+
+import numpy as np
+import pytest
+import torch
+
+from ptae_lite import devices, training, vision
+from ptae_lite.errors import ConfigError
+from ptae_lite.training import Recipe
+
+gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
+SMALL = vision.EyeRecipe(steps=40, batch=4)
+
+
+def test_a_device_that_is_not_here_is_refused(few, tiny):
+    with pytest.raises(ConfigError, match="device 'tpu9' cannot be used here, .*; train without"):
+        training.train(few, Recipe(epochs=1, batch=8), config=tiny, device="tpu9")
+    with pytest.raises(ConfigError, match="device 'tpu9' cannot be used here"):
+        vision.EyeTraining(vision.make_eye("plain"), SMALL, "tpu9")
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
+def test_a_gpu_is_refused_where_there_is_none():
+    with pytest.raises(ConfigError, match="device 'cuda' cannot be used here"):
+        devices.check("cuda")
+
+
+def test_a_gpu_is_chosen_only_where_there_is_one(monkeypatch):
+    for there, wanted in ((True, "cuda"), (False, "cpu")):
+        monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
+        assert devices.choose("auto") == wanted and devices.choose("cpu") == "cpu"
+
+
+@gpu
+@pytest.mark.parametrize("model", ["ptae", "pgae", "prae"])  # PVAE draws noise where it is
+def test_a_gpu_trains_the_same_model(few, small_configs, model):
+    recipe, made = Recipe(epochs=1, batch=8), []
+    for device in ("cpu", "cuda"):
+        trained = training.train(few, recipe, model=model, config=small_configs[model],
+                                 device=device)  # fmt: skip
+        made.append(torch.cat([p.flatten() for p in trained.model.parameters()]))
+    torch.testing.assert_close(*made, atol=1e-3, rtol=0)
+
+
+@pytest.fixture(scope="module")
+def images():
+    """White, with a black square somewhere."""
+    made, rng = np.full((60, 120, 160, 3), 255, np.uint8), np.random.default_rng(0)
+    for image, (y, x) in zip(made, rng.integers(0, 80, (60, 2)), strict=True):
+        image[y : y + 40, x : x + 40] = 0
+    return made
+
+
+@gpu
+@pytest.mark.parametrize("kind", ["separated", "plain"])
+def test_a_gpu_trains_the_same_eye(images, kind):
+    losses, seen = [], []
+    for device in ("cpu", "cuda"):
+        eye = vision.make_eye(kind)
+        losses.append(vision.train_eye(eye, images, SMALL, device=device))
+        seen.append(vision.encode_images(eye, images))  # the eye is back on the CPU
+    assert losses[0][-1] < 0.9 * losses[0][0]  # it has learnt something
+    np.testing.assert_allclose(losses[1], losses[0], rtol=0.05)
+    assert np.abs(seen[1] - seen[0]).max() < 0.1 * np.abs(seen[0]).max()
+
+
+@gpu
+def test_on_a_gpu_too_a_branch_leaves_the_long_training_as_it_was(images):
+    long = vision.EyeTraining(vision.make_eye("plain"), SMALL, "cuda")
+    long.go(images, 32)
+    before = copy.deepcopy(long.eye.state_dict())
+    branch = copy.deepcopy(long)
+    branch.go(images, 40, 40)
+    alone = vision.make_eye("plain")
+    vision.train_eye(alone, images, SMALL, device="cuda")
+    for name, value in alone.state_dict().items():
+        torch.testing.assert_close(branch.eye.state_dict()[name].cpu(), value, atol=1e-2, rtol=0)
+        assert torch.equal(long.eye.state_dict()[name], before[name])
