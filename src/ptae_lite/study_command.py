@@ -28,13 +28,26 @@ def _supervision(options) -> dict:
     return made | caution(samples)
 
 
+def _recipes(options) -> dict:
+    from ptae_lite import dataset
+    from ptae_lite.studies import recipes
+
+    table = recipes.study(
+        dataset.load(), options.out, options.variants or tuple(recipes.CHOICES),
+        options.seeds or (0, 1), options.workers,
+        progress=lambda results, total: bar(results, total=total, desc="trainings"),
+    )  # fmt: skip
+    return {"table": str(Path(options.out) / "recipes.csv"), "rows": len(table)}
+
+
 def _eyes(options) -> dict:
     from ptae_lite import dataset
     from ptae_lite.studies import eyes
 
     table = eyes.study(
-        dataset.load(), options.recording, options.out, options.eyes, options.seeds or (0, 1, 2),
-        workers=options.workers,
+        dataset.load_unseen(options.recording), options.recording, options.out, options.eyes,
+        options.seeds or (0, 1, 2), weights=options.weights, workers=options.workers,
+        device=options.device,
         progress=lambda results, total: bar(results, total=total, desc="eyes"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / "eyes.csv"), "rows": len(table)}
@@ -94,8 +107,8 @@ def _closed_loop(options) -> dict:
 
 
 STUDIES = {
-    "supervision": _supervision, "family": _family, "eyes": _eyes, "eyes-ptae": _eyes_ptae,
-    "incongruence": _incongruence, "closed-loop": _closed_loop,
+    "supervision": _supervision, "recipes": _recipes, "family": _family, "eyes": _eyes,
+    "eyes-ptae": _eyes_ptae, "incongruence": _incongruence, "closed-loop": _closed_loop,
 }  # fmt: skip
 
 
@@ -116,8 +129,8 @@ def add_options(study: argparse.ArgumentParser) -> None:
     study.add_argument("--modes", nargs="+", metavar="NAME",
                        help="supervision: samples, iterations")  # fmt: skip
     study.add_argument("--variants", nargs="+", metavar="NAME",
-                       help="family, supervision: which variants; incongruence, closed-loop: "
-                            "which models")  # fmt: skip
+                       help="family, recipes, supervision: which variants; incongruence, "
+                            "closed-loop: which models")  # fmt: skip
     study.add_argument("--core", action="store_true",
                        help="supervision: only what the figures of chapter 04 need")  # fmt: skip
     study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
@@ -128,8 +141,11 @@ def add_options(study: argparse.ArgumentParser) -> None:
                             "trusted network only")  # fmt: skip
     study.add_argument("--weights", metavar="FOLDER",
                        help="family, incongruence, closed-loop: keep the trained models here; "
-                            "the last two do not train what is there")  # fmt: skip
+                            "the last two do not train what is there; eyes: keep the separated "
+                            "CAE here")  # fmt: skip
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
+    study.add_argument("--device", default="cpu",
+                       help="eyes: where CAEs are trained, cpu or a GPU such as cuda")  # fmt: skip
     study.add_argument("--eyes", default="build/eyes",
                        help="eyes: folder of the CAEs and their features")  # fmt: skip
     study.add_argument(
