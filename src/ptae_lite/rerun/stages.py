@@ -56,12 +56,12 @@ STAGES = (
     Stage("recording", "ptae_lite record --out {out}/recording", {
         "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
         "recording/frames.zip": pictures(2)}, 4, simulator=True),
-    Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
+    Stage("eyes", "ptae_lite study eyes --workers 3 --recording {out}/recording "
           "--eyes {out}/eyes --weights {out}/weights --seeds {seeds} --device {device} "
           "--out {out}/results", {
         "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
         "results/eyes_drawings.npz": SHAPES,
-        "weights/cae.safetensors": drawing(0.25)}, 2, 30, simulator=True),
+        "weights/cae.safetensors": drawing(0.25)}, 2, 23, simulator=True),  # three equal jobs
     Stage("plain eye", "ptae_lite train plain-cae --data {out}/recording "
           "--device {device} --out {out}/weights/plain_cae.safetensors",
           {"weights/plain_cae.safetensors": drawing(0.25)}, 5, simulator=True),
@@ -103,7 +103,7 @@ STAGES = (
             ("model", "seed", "condition", "pattern", "variation"), {"^success$": (0, 0)}, 0.7),
         "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
         "results/closed_loop_episodes.npz": NAMES, "results/closed_loop_strips.npz": SHAPES,
-        "weights/ptae_blind_seed0.safetensors": SCORES}, 5, 40, simulator=True),
+        "weights/ptae_blind_seed0.safetensors": SCORES}, 5, 30, simulator=True),
     Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip
