@@ -156,6 +156,24 @@ def test_train_and_evaluate(result, few_stored, small_training, tmp_path, model)
     assert checkpoint.load(path).about["steps"] == 3
 
 
+def test_weights_have_a_place_where_none_is_named(
+    result, few_stored, small_training, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    made = result("train", "pgae", "--seed", 0)
+    assert made["weights"] == "build/weights/pgae.safetensors"
+    assert checkpoint.load(made["weights"]).about["kind"] == "pgae"
+
+
+@pytest.mark.parametrize("name", ["eyes", "eyes-ptae", "closed-loop"])
+def test_a_study_of_our_recording_alone_takes_no_other_data(refusal, tmp_path, name):
+    asked = (("--data", "authors"), ("--holdout", 18))
+    for option in asked:
+        message = refusal("study", name, *option, "--out", tmp_path / "new")
+        assert f"study {name} is of our own recording; leave out --data, --holdout" in message
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("model", ["ptae", "pvae"])
 def test_a_labelled_share_is_drawn_from_the_split(
     result, few_stored, small_training, tmp_path, model

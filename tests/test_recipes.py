@@ -45,7 +45,7 @@ def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
     seeds = [job.seed for job, *_ in asked]
     assert seeds == [1, 1, 0, 0, 1] and len(table) == 5
     assert not table.duplicated(recipes.KEY).any() and "model" not in table
-    assert table.set_index(recipes.KEY)["describe_accuracy"]["short", 0] == 54
+    assert table.set_index(recipes.KEY)["describe_accuracy"]["recording", "short", 0] == 54
     with pytest.raises(ConfigError, match="no choice 'guess'; there are regular, once, short"):
         recipes.study(few, tmp_path, ("guess",))
 
@@ -66,7 +66,7 @@ def test_held_out_patterns_take_no_part_in_a_training(samples, small_configs, mo
 
 
 def test_the_command_runs_the_search(few, asked, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(dataset, "load", lambda: few)
+    monkeypatch.setattr(dataset, "load", lambda *_: few)
     options = ["--variants", "slow", "--seeds", "2", "--out", str(tmp_path), "--json"]
     assert cli.main(["study", "recipes", *options]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] == 1

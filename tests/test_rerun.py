@@ -127,6 +127,19 @@ def test_a_failed_stage_stops_the_run_and_the_report_names_what_is_missing(tiny,
     assert not (settings.out / "results/three.csv").exists()
 
 
+def test_a_table_of_which_a_part_was_made_again_agrees_in_part(tiny, settings, capsys):
+    table = pd.read_csv(settings.stored / NAMES[0])
+    more = pd.concat([table, table.assign(seed=1)])
+    more.to_csv(settings.stored / NAMES[0], index=False)
+    artefacts.register(NAMES[0], command="x", seed=0, minutes=0, data=settings.stored)
+    again = Rerun(settings, (stage("one"), stage("two")))
+    again.go(io.StringIO())
+    assert report.write(again) == 0
+    out = capsys.readouterr().out
+    assert "in part      results/one.csv: 4 of 8 rows re-made, 4 of 4 numbers within" in out
+    assert "1 of 2 files agree, 1 in part." in out
+
+
 def test_a_stored_file_that_no_stage_makes_is_named(tiny, settings, capsys):
     again = Rerun(settings, (stage("one"),))
     again.go(io.StringIO())
@@ -199,12 +212,12 @@ def test_a_second_run_in_the_same_folder_is_refused(tmp_path, capsys):
 
 def test_numbers_are_near_within_what_is_allowed():
     pairs = {"a": ([1.0, 2.0, np.nan], [1.1, 2.0, np.nan]), "b": ([10], [12])}
-    assert near(pairs, {"a": (0.2, 0), "b": (0, 0.2)}) == (True, "4 of 4 numbers within; "
-                                                           "furthest: b 10 for 12")  # fmt: skip
+    says = "4 of 4 numbers within; furthest: b 10 for 12"
+    assert near(pairs, {"a": (0.2, 0), "b": (0, 0.2)}) == (True, says, True)
     assert not near(pairs, {"a": (0.05, 0), "b": (0, 0.2)}).agrees
     assert near(pairs, {"a": (0.05, 0), "b": (0, 0.2)}, share=0.7).agrees
     assert not near({"a": ([np.nan], [1.0])}, {"a": (9, 9)}).agrees
-    assert near({}, {}) == (False, "they have nothing in common to compare")
+    assert near({}, {})[:2] == (False, "they have nothing in common to compare")
 
 
 def two(tmp_path, name, write):
@@ -228,10 +241,11 @@ def test_tables_are_compared_by_means_over_the_seeds_both_have(tmp_path):
 
     folders = two(tmp_path, "t.csv", write)
     check = table(("model", "seed"), {"accuracy": (1, 0)})
-    assert judge("t.csv", check, *folders) == (True, "2 of 3 rows re-made, 1 of 1 numbers within")
+    says = "2 of 3 rows re-made, 1 of 1 numbers within"
+    assert judge("t.csv", check, *folders) == (True, says, False)
     assert check.states == "95% of its numbers: accuracy ± 1"
     other = table(("model", "split"), {"accuracy": (1, 0)})
-    assert judge("t.csv", other, *folders) == (False, "has no column 'split'")
+    assert judge("t.csv", other, *folders)[:2] == (False, "has no column 'split'")
 
 
 def test_a_table_without_a_column_does_not_agree(tmp_path):
@@ -243,7 +257,7 @@ def test_a_table_without_a_column_does_not_agree(tmp_path):
     verdict = judge(
         "t.csv", table(("model",), {"accuracy": (9, 0)}), *two(tmp_path, "t.csv", write)
     )
-    assert verdict == (False, "has no column 'accuracy'")
+    assert verdict[:2] == (False, "has no column 'accuracy'")
 
 
 @pytest.mark.parametrize(

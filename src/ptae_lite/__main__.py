@@ -68,6 +68,8 @@ def do_features(options) -> dict:
 
 def do_train(options) -> dict:
     torch.set_num_threads(options.threads)
+    if options.out is None:
+        options.out = f"build/weights/{options.model.replace('-', '_')}.safetensors"
     refuse_data(options.out, "build/weights")
     check_writable(options.out)  # now, and not after the training
     if options.model in ("cae", "plain-cae"):
@@ -196,7 +198,7 @@ def parser() -> argparse.ArgumentParser:
         "--threads", type=whole_number(1), default=1, help="threads inside one training"
     )
     train.add_argument("--device", default="cpu", help="cpu, or a GPU such as cuda")
-    train.add_argument("--out", required=True, help="safetensors file to write")
+    train.add_argument("--out", help="safetensors file to write (default: build/weights/MODEL)")
 
     test = command("evaluate", do_evaluate, "Score a trained model, in percent.")
     test.add_argument("weights", help="safetensors file that `train` wrote")

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import joblib
 import torch
 
 from ptae_lite.console import RECORDING, bar, caution, data_options, refuse_data, whole_number
+from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone
 
 
@@ -32,12 +34,13 @@ def _recipes(options) -> dict:
     from ptae_lite import dataset
     from ptae_lite.studies import recipes
 
+    samples = dataset.load(options.data, options.holdout)
     table = recipes.study(
-        dataset.load(), options.out, options.variants or tuple(recipes.CHOICES),
+        samples, options.out, options.variants or tuple(recipes.CHOICES),
         options.seeds or (0, 1), options.workers,
         progress=lambda results, total: bar(results, total=total, desc="trainings"),
     )  # fmt: skip
-    return {"table": str(Path(options.out) / "recipes.csv"), "rows": len(table)}
+    return {"table": str(Path(options.out) / "recipes.csv"), "rows": len(table)} | caution(samples)
 
 
 def _eyes(options) -> dict:
@@ -82,13 +85,15 @@ def _incongruence(options) -> dict:
     from ptae_lite import dataset
     from ptae_lite.studies import incongruence_table
 
+    samples = dataset.load(options.data, options.holdout)
     table = incongruence_table.study(
-        dataset.load(options.data, options.holdout), options.out,
+        samples, options.out,
         options.variants or tuple(incongruence_table.MODELS), options.seeds or (0, 1, 2),
         options.weights, options.workers,
         progress=lambda results, total: bar(results, total=total, desc="models"),
     )  # fmt: skip
-    return {"table": str(Path(options.out) / incongruence_table.FILE), "rows": len(table)}
+    made = {"table": str(Path(options.out) / incongruence_table.FILE), "rows": len(table)}
+    return made | caution(samples)
 
 
 def _closed_loop(options) -> dict:
@@ -112,9 +117,16 @@ STUDIES = {
 }  # fmt: skip
 
 
+OF_OURS = ("eyes", "eyes-ptae", "closed-loop")  # the authors' data have no images, and no scene
+
+
 def run(options) -> dict:
     torch.set_num_threads(options.threads)
     refuse_data(options.out, "build/results")
+    if options.name in OF_OURS and (options.data != "recording" or options.holdout is not None):
+        raise PTAEError(
+            f"study {options.name} is of our own recording; leave out --data, --holdout"
+        )
     with alone(Path(options.out) / options.name):  # two would lose each other's rows
         return STUDIES[options.name](options)
 
@@ -135,7 +147,8 @@ def add_options(study: argparse.ArgumentParser) -> None:
                        help="supervision: only what the figures of chapter 04 need")  # fmt: skip
     study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
     study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
-    study.add_argument("--workers", type=whole_number(1), default=1, help="trainings side by side")
+    study.add_argument("--workers", type=whole_number(1), default=joblib.cpu_count(),
+                       help="trainings side by side (default: one a core)")  # fmt: skip
     study.add_argument("--cluster", metavar="ADDRESS",
                        help="supervision: a Dask scheduler whose workers do the trainings; on a "
                             "trusted network only")  # fmt: skip

@@ -31,7 +31,8 @@ pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals to a process gr
 TRAINING = ("command", "train", "ptae", "--set", "hidden=16", "--set", "heads=2",
             "--set", "feed_forward=32", "--set", "decoder_units=12", "--epochs", "4",
             "--out")  # fmt: skip
-STUDY = ("command", "study", "family", "--variants", "PTAE", "--seeds", "0", "1", "2", "--out")
+STUDY = ("command", "study", "family", "--variants", "PTAE", "--seeds", "0", "1", "2",
+         "--workers", "1", "--out")  # fmt: skip
 
 
 # ---------------------------------------------------------------- a training
@@ -170,14 +171,32 @@ def stored(tmp_path):
     return folder
 
 
+def finished(out) -> list[str]:
+    """The stages that a re-run's folder says are finished."""
+    path = out / "rerun.json"
+    return list(json.loads(path.read_text())["done"]) if path.exists() else []
+
+
+def test_a_full_rerun_that_is_killed_in_its_first_stage_goes_on(stored, tmp_path):
+    """The re-run alone is killed, and not what it has started, which ends by itself."""
+    out = tmp_path / "out"
+    process = start("rerun", out, stored)
+    until(process, (out / "logs" / "one.log").exists)
+    process.kill()
+    assert finish(process)[0] == -signal.SIGKILL and finished(out) == []
+    code, said = run("rerun", out, stored)
+    assert code == 0, said
+    assert finished(out) == ["one", "two", "three"]
+
+
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
 def test_a_full_rerun_that_is_stopped_does_nothing_finished_twice(stored, tmp_path, how):
     out = tmp_path / "out"
     process = start("rerun", out, stored)
-    until(process, lambda: (out / "rerun.json").exists())  # the first of three is finished
+    until(process, lambda: finished(out) == ["one"])
     result = stop(process, how)
     assert result[0] == -how if how == signal.SIGKILL else ended_by_ctrl_c(result, "full")
-    assert list(json.loads((out / "rerun.json").read_text())["done"]) == ["one"]
+    assert finished(out) == ["one"]
     with unchanged(stored):
         code, said = run("rerun", out, stored)
     assert code == 0, said
@@ -246,7 +265,9 @@ def test_a_book_that_is_stopped_leaves_the_site_before_it(book, whole_site, tmp_
     begun = tmp_path / "begun"
     process = build(book, tmp_path, begun, takes_s="60")
     until(process, begun.exists)
-    stop(process, how)
+    result = stop(process, how)
+    if how == signal.SIGINT:  # the kernels, which got it as well, may have more to say
+        assert result[0] == 130 and "book: stopped; what was finished is kept" in result[1]
     assert (tmp_path / "html" / "index.html").read_text() == "the site before"
     assert not (tmp_path / "chapter_times.json").exists()
     code, said = finish(build(book, tmp_path, begun))

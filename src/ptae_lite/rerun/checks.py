@@ -29,6 +29,7 @@ SAMPLES = "recording/samples.npz"
 class Comparison(NamedTuple):
     agrees: bool
     says: str
+    whole: bool = True  # all that is stored was made again and compared
 
 
 class Check(NamedTuple):
@@ -99,7 +100,8 @@ def table(key: tuple, within: dict[str, tuple[float, float]], share: float = 0.9
             means = mine.groupby([both[c] for c in group], dropna=False).mean()
             pairs[column] = (means[f"{column} made"], means[f"{column} was"])
         verdict = near(pairs, columns, share)
-        return verdict._replace(says=f"{len(both)} of {len(was)} rows re-made, {verdict.says}")
+        says = f"{len(both)} of {len(was)} rows re-made, {verdict.says}"
+        return verdict._replace(says=says, whole=len(both) == len(was))
 
     rooms = ", ".join(f"{column} {_room(*room)}" for column, room in within.items())
     return Check(f"{share:.0%} of its numbers: {rooms}", compare)

@@ -121,6 +121,7 @@ class Rerun:
 
     def go(self, stream=None) -> Stage | None:
         """Do all that is not finished; the stage whose command failed, or None."""
+        self._write()  # whatever stops the first stage, the folder is known as a re-run's
         done = [i for i, stage in enumerate(self.stages) if self.finished(stage)]
         spent = {i: self.state["done"][self.stages[i].name]["minutes"] for i in done}
         estimates = [
@@ -193,6 +194,9 @@ class Rerun:
         self.state["done"][stage.name] = {
             "command": command, "minutes": round(minutes, 2), "files": self._hashes(files),
         }  # fmt: skip
+        self._write()
+
+    def _write(self) -> None:
         with whole(self.settings.out / "rerun.json") as beside:
             beside.write_text(json.dumps(self.state, indent=1) + "\n", encoding="utf-8")
 

@@ -15,8 +15,8 @@ from ptae_lite.rerun.view import duration
 if TYPE_CHECKING:
     from ptae_lite.rerun.full import Rerun
 
-AGREES, DIFFERS, TAKEN, NEW = "agrees", "DIFFERS", "not re-made", "new"
-MISSING = "NOT MADE"
+AGREES, IN_PART, DIFFERS = "agrees", "in part", "DIFFERS"
+TAKEN, NEW, MISSING = "not re-made", "new", "NOT MADE"
 
 
 class Row(NamedTuple):
@@ -45,7 +45,8 @@ def rows(rerun: Rerun) -> list[Row]:
                 row = (TAKEN, "needs PyBullet, so it was taken from data/")
             else:
                 verdict = checks.judge(name, check, made, stored)
-                row = (AGREES if verdict.agrees else DIFFERS, verdict.says)
+                good = AGREES if verdict.whole else IN_PART
+                row = (good if verdict.agrees else DIFFERS, verdict.says)
             found.append(Row(name, *row, check.states))
     known = {row.file for row in found}
     found += [Row(name, MISSING, "no stage makes it", "") for name in there if name not in known]
@@ -57,7 +58,7 @@ def write(rerun: Rerun, failed: Stage | None = None) -> int:
     found, out = rows(rerun), rerun.settings.out
     minutes = sum(entry["minutes"] for entry in rerun.state["done"].values())
     counts = Counter(row.verdict for row in found)
-    others = [f"{counts[v]} {v}" for v in (DIFFERS, MISSING, TAKEN, NEW) if counts[v]]
+    others = [f"{counts[v]} {v}" for v in (IN_PART, DIFFERS, MISSING, TAKEN, NEW) if counts[v]]
     ending = ", ".join([f"{counts[AGREES]} of {len(found)} files agree", *others])
     good = not failed and not counts[DIFFERS] and not counts[MISSING]
     about = {

@@ -89,7 +89,7 @@ STAGES = (
         "results/incongruence_stories.npz": SHAPES}, simulator=True),
     Stage("recipes", "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 "
           "--out {out}/results",
-          {"results/recipes.csv": table(("choice", "seed"), SCORED, 0.9)}, 3),
+          {"results/recipes.csv": table(("data", "choice", "seed"), SCORED, 0.9)}, 3),
     Stage("supervision", "ptae_lite study supervision --core --models linear ptae --workers 2 "
           "--seeds {seeds} --out {out}/results", {
         "results/supervision.csv":

@@ -40,7 +40,7 @@ CHOICES = {
     "unblended": Choice("no blends of clips", {"mixup": False}),
     "one-pace": Choice("the action decoder no faster than the rest", {"action_pace": 1.0}),
 }
-KEY = ["choice", "seed"]
+KEY = ["data", "choice", "seed"]
 
 
 def run_one(samples: Samples, choice: str, seed: int) -> pd.DataFrame:
@@ -48,8 +48,9 @@ def run_one(samples: Samples, choice: str, seed: int) -> pd.DataFrame:
     job = Job("ptae", "samples", "balanced", SHARE, seed)
     recipe = replace(REGULAR, **CHOICES[choice].changes)
     row, _ = supervision.run_one(samples, job, recipe, split="fit")
-    row.insert(0, "choice", choice)
-    return row.drop(columns=["model", "mode", "variant"])
+    row["choice"] = choice
+    dropped = (*KEY, "model", "mode", "variant", "share")
+    return row[KEY + [column for column in row if column not in dropped]]
 
 
 def study(samples: Samples, folder, choices=tuple(CHOICES), seeds=(0, 1), workers: int = 1,
@@ -68,7 +69,7 @@ def study(samples: Samples, folder, choices=tuple(CHOICES), seeds=(0, 1), worker
     done = tables.there(table, KEY)
     todo = [
         (samples, choice, seed) for seed in seeds for choice in choices
-        if (choice, seed) not in done
+        if (samples.name, choice, seed) not in done
     ]  # fmt: skip
     tables.run(run_one, todo, lambda row: tables.add(table, row, KEY), workers, progress)
     return pd.read_csv(table)

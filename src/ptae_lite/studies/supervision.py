@@ -137,16 +137,17 @@ def run_one(samples: Samples, job: Job, recipe: Recipe | None = None, split: str
     """
     scored, begun = "test" if split == "train" else "held_out", time.process_time()
     row = job._asdict() | {"data": samples.name, "share": float(job.share)}
+    versions = f"torch {version('torch')}, numpy {version('numpy')}"
     if job.model == "linear":
         chosen = labelled(samples, job, split)
         row |= {"labelled": len(chosen)} | linear_scores(samples, chosen, scored)
-        row["seconds"] = round(time.process_time() - begun, 1)
+        row |= {"seconds": round(time.process_time() - begun, 1), "versions": versions}
         return pd.DataFrame([row]), pd.DataFrame()
     trained = fit(samples, job, recipe, split)
     seconds = round(time.process_time() - begun, 1)
     row |= {"labelled": trained.about["labelled"]} | scores(trained, samples, scored)
     row |= {name: trained.about[name] for name in ("supervised_presentations", "steps")}
-    row |= {"seconds": seconds, "versions": f"torch {version('torch')}, numpy {version('numpy')}"}
+    row |= {"seconds": seconds, "versions": versions}
     rows, said = pd.DataFrame([row]), examples(trained, samples).assign(**{k: row[k] for k in KEY})
     if job.regular and job.model != "pvae":
         other = {"mode": "iterations", "share": REGULAR["iterations"]}

@@ -80,8 +80,8 @@ def run(work: Callable, jobs: list, keep: Callable, workers: int = 1,
         _reach(cluster)
         with parallel_config("dask", scheduler_host=cluster):
             return _collect(_side_by_side(work, jobs, -1), jobs, keep, progress)
-    one = (work(*job) for job in jobs)
-    _collect(one if workers == 1 else _side_by_side(work, jobs, workers), jobs, keep, progress)
+    one, workers = (work(*job) for job in jobs), min(workers, len(jobs))
+    _collect(one if workers <= 1 else _side_by_side(work, jobs, workers), jobs, keep, progress)
 
 
 def _side_by_side(work: Callable, jobs: list, workers: int) -> Iterable:
