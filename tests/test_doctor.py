@@ -2,6 +2,8 @@
 
 import ast
 import json
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -170,3 +172,22 @@ def test_warnings_alone_are_no_failure(monkeypatch, capsys):
 def test_it_knows_this_project():
     found = {one.what: one.state for one in (*doctor.check_data(), doctor.check_python())}
     assert found == {"data": GOOD, "Python": GOOD}
+
+
+def newer_pythons() -> list[str]:
+    """Interpreters after 3.11 on this machine: on the path, or pyenv's."""
+    found = [shutil.which(f"python3.{minor}") for minor in range(12, 20)]
+    found += Path.home().glob(".pyenv/versions/3.1[2-9]*/bin/python")
+    there = [str(path) for path in found if path]  # a name on the path may still lead nowhere
+    return [p for p in there if subprocess.run([p, "-V"], capture_output=True).returncode == 0]
+
+
+def test_a_newer_python_runs_what_comes_before_any_package():
+    pythons = newer_pythons()
+    if not pythons:
+        pytest.skip("there is no Python after 3.11 here")
+    for python in pythons:
+        for command in (["run.py", "--help"], ["src/ptae_lite/rerun/doctor.py"]):
+            done = subprocess.run([python, *command], cwd=ROOT, capture_output=True, text=True)
+            assert done.returncode in (0, 1) and not done.stderr, done.stderr
+        assert done.stdout.startswith("good     Python    3.1")
