@@ -10,6 +10,7 @@ from ptae_lite.studies.readings import (
     always,
     channels,
     clearly,
+    fall,
     lead,
     more_harm,
     number,
@@ -192,6 +193,29 @@ CLAIMS = [
             (2, "On average it does; with one list it does not."),
             (10, ""),
         )
+    ),
+    *(
+        Claim(
+            "Few labels",
+            f"PGAE describes above chance with {share} % of the samples",
+            IN_WORDS,
+            with_labels("pgae", "describe_accuracy", "samples", share),
+            lambda found, _: bool((found > CHANCE).all()),
+            "%",
+            FEW,
+            ANCESTORS,
+        )
+        for share in (1, 2)
+    ),
+    Claim(
+        "Few labels",
+        "PGAE describes worse with 10 % of the iterations than with 20 %",
+        IN_WORDS,
+        fall("pgae", "describe_accuracy", "iterations", 20, 10),
+        always,
+        "points",
+        FEW,
+        ANCESTORS,
     ),
     Claim(
         "Few labels",

@@ -102,9 +102,10 @@ def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = N
         for name, (paper, _) in controls(trained, samples).items() if name != "as trained"
     }  # fmt: skip
     new = new_scenes(samples)
-    if new.any():
-        right = correct(respond(trained, source_of(trained), test, "describe"), samples, test)
-        scored["describe_accuracy_new_scenes"] = 100 * float(right[new].mean())
+    right = correct(respond(trained, source_of(trained), test, "describe"), samples, test)
+    for name, part in {"new": right[new], "known": right[~new]}.items():
+        if len(part):
+            scored[f"describe_accuracy_{name}_scenes"] = 100 * float(part.mean())
     row |= {name: round(value, 3) for name, value in scored.items()}
     if weights is not None:
         name = variant.lower().replace(", ", "_").replace(" ", "_")

@@ -192,6 +192,16 @@ def ahead(column: str, mode: str, share: float):
     return values
 
 
+def fall(model: str, column: str, mode: str, before: float, share: float):
+    """How much lower a share of the labels is than the share before it, seed by seed."""
+
+    def values(tables: Tables):
+        high, low = (with_labels(model, column, mode, s)(tables) for s in (before, share))
+        return [a - b for a, b in zip(high, low, strict=False)]
+
+    return values
+
+
 def channels(tables: Tables):
     """Both colours of first frames: separated channels before one network, equal presentations."""
     if tables.eyes.empty:
