@@ -71,8 +71,8 @@ def test_with_a_tenth_of_the_samples_ptae_describes_twice_as_much_as_pgae(table)
     for share in (10, 20):
         assert pgae[share].mean() < pvae[share].mean() < ptae[share].mean()
     assert pvae[2].mean() < pgae[2].mean()
-    for share in (50, 100):
-        assert ptae[share].mean() < pvae[share].mean() < ptae[share].mean() + 3
+    assert abs(ptae[50].mean() - pvae[50].mean()) < 1
+    assert ptae[100].mean() + 1 < pvae[100].mean() < ptae[100].mean() + 3
 
 
 def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
@@ -80,8 +80,9 @@ def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
              for m in ("ptae", "pgae", "pvae")}  # fmt: skip
     assert words["ptae"]["speed_accuracy"] == 100 and words["pgae"]["speed_accuracy"] < 90
     assert words["pgae"]["colour_accuracy"] < words["ptae"]["colour_accuracy"] - 15
-    assert abs(words["pvae"]["colour_accuracy"] - words["ptae"]["colour_accuracy"]) < 4
-    assert words["pvae"]["action_accuracy"] < words["ptae"]["action_accuracy"] - 15
+    assert words["pgae"].idxmin() == "colour_accuracy"
+    assert 3 < words["ptae"]["colour_accuracy"] - words["pvae"]["colour_accuracy"] < 8
+    assert words["ptae"]["action_accuracy"] > 95 and 70 < words["pvae"]["action_accuracy"] < 80
 
 
 def test_pgae_executes_with_two_thirds_of_the_samples_as_with_all(table):
@@ -97,14 +98,17 @@ def test_pvaes_execute_hardly_notices_what_is_missing(table):
 
 def test_what_a_longer_training_makes_of_few_iterations(table):
     short = described(table, "ptae", "iterations")
-    rows = table[(table["model"] == "ptae") & (table["variant"] == "long")].set_index("share")
+    of_iterations = table[(table["model"] == "ptae") & (table["mode"] == "iterations")]
+    rows = of_iterations[of_iterations["variant"] == "long"].set_index("share")
     assert list(rows["seed"]) == [0, 0]
     assert rows.loc[2, "describe_accuracy"] == pytest.approx(94.4, abs=0.5)
     assert rows.loc[2, "describe_accuracy"] > short[10, 0] > short[20, 0]
     assert short[2, 0] < 50 and 55 < rows.loc[1, "describe_accuracy"] < 62
-    shown = table[(table["model"] == "ptae") & (table["variant"] == "paper") & (table["seed"] == 0)]
-    shown = shown[shown["share"] == 10]["supervised_presentations"].item()
-    assert 0.75 < rows.loc[1, "supervised_presentations"] / shown < 1
+    shown = of_iterations.set_index(["variant", "share", "seed"])["supervised_presentations"]
+    assert 0.75 < rows.loc[1, "supervised_presentations"] / shown["paper", 10, 0] < 1
+    assert shown["paper"][[1, 2]].between(500, 1100).all()
+    steps = rows.loc[1, "steps"]
+    assert 3.5 < steps / rows.loc[1, "supervised_presentations"] < 4
     assert (rows["execute_nrmse"] < 1.4).all()
     assert (shares.rows_of(table, "ptae", "iterations")["execute_nrmse"] > 1.6).all()
 
@@ -131,9 +135,11 @@ def test_from_the_same_few_labels_networks_describe_worse_than_weighted_sums(tab
 
 def test_at_ten_percent_ptae_is_below_the_worst_of_twenty_weighted_sums(ptae, linear):
     draws = linear[(linear["share"] == 10) & (linear["variant"] == "random")]
-    assert len(draws) == 20
+    draws = draws.set_index("seed")["describe_accuracy"]
     mine = ptae[(ptae["share"] == 10) & (ptae["seed"] == 0)]["describe_accuracy"].item()
-    assert mine < draws["describe_accuracy"].min()
+    told = (len(draws), draws.min(), draws.max(), mine, draws[0])
+    assert [round(value) for value in told] == [20, 61, 81, 60, 63]
+    assert mine < draws.min()
 
 
 def test_which_thirteen_clips_have_a_label_makes_a_factor_of_three(linear):
@@ -143,7 +149,7 @@ def test_which_thirteen_clips_have_a_label_makes_a_factor_of_three(linear):
 
 def test_choosing_labels_helps_no_weighted_sum_and_doubling_them_does(linear):
     score = linear.groupby(["variant", "share"])["describe_accuracy"].agg(["mean", "std"])
-    for share in (1, 2, 5, 10):
+    for share in (1, 2, 5, 10, 20, 50, 66.6):
         random = score.loc["random", share]
         assert score.loc["covering", share]["mean"] < random["mean"] + random["std"] / 2
     assert score.loc["random", 2]["mean"] > 1.8 * score.loc["covering", 1]["mean"]
@@ -161,8 +167,8 @@ def test_the_colour_is_lost_first(ptae, linear):
 def test_presentations_are_the_same_at_every_share_of_the_balanced_variant(table):
     shown = table[(table["model"] == "ptae") & (table["variant"] == "balanced")]
     assert shown["supervised_presentations"].nunique() == 1
-    assert shown.loc[shown["share"] == 50, "describe_accuracy"].iloc[0] == pytest.approx(98, abs=1)
-    assert shown.loc[shown["share"] == 1, "describe_accuracy"].iloc[0] == pytest.approx(6, abs=1)
+    assert round(shown["describe_accuracy"].max()) == 100
+    assert round(shown["describe_accuracy"].min()) == 6
 
 
 def test_sentences_are_stored_for_every_training(table):

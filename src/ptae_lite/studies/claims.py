@@ -204,8 +204,9 @@ CLAIMS = [
             "%",
             FEW,
             ANCESTORS,
+            remark=remark,
         )
-        for share in (1, 2)
+        for share, remark in ((1, "With one list of seven it is at chance."), (2, ""))
     ),
     Claim(
         "Few labels",
