@@ -107,6 +107,15 @@ def rerun(folder, stored) -> int:
     return guarded("full", work)
 
 
+def naps(count) -> int:
+    """What a study does side by side, with jobs that only take their time."""
+    from ptae_lite.studies import tables
+
+    jobs = [(WAIT_S,)] * int(count)
+    tables.run(time.sleep, jobs, lambda _: say("begun"), workers=2)
+    return 0
+
+
 def site(out, book) -> int:
     from ptae_lite.rerun import site as builder
 

@@ -9,6 +9,8 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import psutil
+
 ROOT = Path(__file__).resolve().parents[2]
 TINY = Path(__file__).with_name("tiny.py")
 PATIENCE_S = 240  # for a job of seconds, on a machine with much else to do
@@ -75,6 +77,15 @@ def until_said(process, times: int, word: bytes = b"begun") -> None:
         line = process.stdout.readline()
         assert line, process.stderr.read().decode()
         times -= line.strip() == word
+
+
+def listens_at(process) -> set[str]:
+    """The addresses at which a job, and what it has started, can be reached."""
+    own = psutil.Process(process.pid)
+    tree = [own, *own.children(recursive=True)]
+    assert len(tree) > 2  # it has started something
+    sockets = [one.net_connections(kind="inet") for one in tree if one.is_running()]
+    return {s.laddr.ip for found in sockets for s in found if s.status == psutil.CONN_LISTEN}
 
 
 def stop(process, how: signal.Signals) -> tuple[int, str]:
