@@ -3,9 +3,10 @@
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, published
 from ptae_lite.display import shares
 from ptae_lite.evaluation import CHANCE
+from ptae_lite.studies import recipes
 from ptae_lite.studies.supervision import SHARES
 
 ACTION_WORD = 7.1  # execute NRMSE of the mean motion of the action word; the chapter prints it
@@ -113,6 +114,32 @@ def test_what_a_longer_training_makes_of_few_iterations(table):
     assert (shares.rows_of(table, "ptae", "iterations")["execute_nrmse"] > 1.6).all()
 
 
+def test_a_longer_training_does_not_help_seven_labelled_clips(table):
+    balanced, long = (by_seed(table, v)[1, 0] for v in ("balanced", "long"))
+    assert (round(balanced), long) == (6, 0)
+    shown = [by_seed(table, v, "supervised_presentations")[1, 0] for v in ("balanced", "long")]
+    assert 5.5 < shown[0] / shown[1] < 6.5
+
+
+def test_pgae_gains_less_from_a_longer_training(table):
+    rows = table[(table["mode"] == "iterations") & (table["share"] == 1) & (table["seed"] == 0)]
+    rows = rows.set_index(["model", "variant"])
+    described = rows["describe_accuracy"]
+    assert described["pgae", "long"] == pytest.approx(100 / 6, abs=1.5)
+    assert described["pgae", "paper"] == pytest.approx(100 / 16, abs=0.5)
+    assert (
+        described["pgae", "long"]
+        < published.BY_SHARE["pgae", "describe_accuracy", "iterations"][1].value
+    )
+    regular = {
+        model: shares.rows_of(table, model, "samples").set_index(["share", "seed"])["execute_nrmse"]
+        for model in ("ptae", "pgae")
+    }
+    gain = {m: regular[m][100, 0] - rows["execute_nrmse"][m, "long"] for m in regular}
+    assert 0 < gain["pgae"] < gain["ptae"]
+    assert rows["execute_nrmse"]["pgae", "long"] > rows["execute_nrmse"]["ptae", "long"]
+
+
 def test_the_repeat_signals_notice_nothing(ptae):
     assert (ptae["repeat_language_accuracy"] == 100).all()
     assert ptae["repeat_action_nrmse"].between(1.6, 2.0).all()
@@ -178,3 +205,55 @@ def test_sentences_are_stored_for_every_training(table):
     nets = table[table["model"] != "linear"]
     assert set(said[key].itertuples(index=False)) == set(nets[key].itertuples(index=False))
     assert (said.groupby(key).size() == 6).all()
+
+
+def by_seed(table, variant, column="describe_accuracy", model="ptae"):
+    """Few samples, without the regular training, by share and seed."""
+    rows = table[(table["model"] == model) & (table["mode"] == "samples")]
+    return rows[rows["variant"] == variant].set_index(["share", "seed"])[column]
+
+
+def test_choosing_labels_helps_no_network_and_doubling_them_does(table):
+    drawn, chosen = (by_seed(table, variant) for variant in ("balanced", "covering"))
+    assert set(chosen.index) == {(share, seed) for share in (1, 2, 5) for seed in (0, 1, 2)}
+    for share in (1, 2):
+        assert drawn[share].min() < chosen[share].max() and chosen[share].min() < drawn[share].max()
+    assert chosen[5].mean() < drawn[5].mean()
+    for few, more in ((1, 2), (2, 5)):
+        assert drawn[more].mean() > 1.4 * chosen[few].mean()
+
+
+def test_a_sentence_beside_its_own_scene_teaches(table):
+    own, other = (by_seed(table, variant) for variant in ("balanced", "unpaired"))
+    assert set(other.index) == {(share, seed) for share in (2, 10, 50) for seed in (0, 1, 2)}
+    lost = own[other.index] - other
+    assert lost[10].between(12, 19).all() and 14 < lost[10].mean() < 16
+    assert lost[50].between(4, 8).all() and 5 < lost[50].mean() < 7
+    assert (lost[2] > 0).sum() == 2
+
+    def change(column):
+        mine, others = (by_seed(table, v, column) for v in ("balanced", "unpaired"))
+        return (mine - others).dropna().loc[[10, 50]]
+
+    assert (change("colour_accuracy") > 4).all()
+    assert change("action_accuracy").abs().max() < 4 and not change("speed_accuracy").any()
+    assert change("execute_nrmse").abs().max() < 0.1
+
+
+def test_how_often_a_label_is_shown_makes_no_difference_with_a_tenth(table):
+    balanced, paper = (by_seed(table, variant)[10] for variant in ("balanced", "paper"))
+    assert (balanced - paper).abs().max() < 6 and abs((balanced - paper).mean()) < 3
+    shown = by_seed(table, "paper", "supervised_presentations")[10]
+    most = by_seed(table, "balanced", "supervised_presentations")[10]
+    assert (shown / most).between(0.19, 0.21).all()
+
+
+def test_one_recipe_is_ahead_with_both_seeds_and_by_little():
+    found = pd.read_csv(artefacts.stored("results/recipes.csv"))
+    found = found.pivot(index="choice", columns="seed", values="describe_accuracy")
+    assert set(found.index) == set(recipes.CHOICES) and found.notna().all(axis=None)
+    ahead = found - found.loc["regular"]
+    both = ahead[(ahead > 0).all(axis=1)]
+    clips = both * 96 / 100
+    assert list(both.index) == ["long"] and clips.round().values.tolist() == [[3, 1]]
+    assert ahead.loc["once"].round().tolist() == [15, -12]
