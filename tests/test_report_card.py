@@ -61,6 +61,9 @@ def test_the_sentence_beside_a_verdict_belongs_to_it():
     assert report_card.verdict(claim([99] * 3, **both), NOTHING) == (CAVEAT, "but so")
     assert report_card.verdict(claim([9] * 3, **both), NOTHING) == (NOT_HELD, "for that")
     assert report_card.verdict(claim([9], **both), NOTHING) == (NOT_HELD, "for that One training.")
+    rising = claim([9] * 3, rising="still better", **both)
+    assert report_card.verdict(rising, NOTHING) == (NOT_TESTABLE, "still better")
+    assert report_card.verdict(claim([99] * 3, rising="still better"), NOTHING)[0] == HELD
     empty = report_card.verdict(claim([]), NOTHING)
     assert empty == (NOT_TESTABLE, "These trainings are not in the table yet.")
 

@@ -50,8 +50,11 @@ def verdict(claim: Claim, tables: Tables) -> tuple[str, str]:
     if not len(values):
         return NOT_TESTABLE, "These trainings are not in the table yet."
     held, one = bool(claim.holds(values, tables)), len(values) == 1 and claim.trained
-    why = (claim.caveat if held else claim.remark, "One training." if one else "")
-    judged = NOT_HELD if not held else CAVEAT if any(why) else HELD
+    why = (claim.caveat if held else claim.rising or claim.remark, "One training." if one else "")
+    if held:
+        judged = CAVEAT if any(why) else HELD
+    else:
+        judged = NOT_TESTABLE if claim.rising else NOT_HELD
     return judged, " ".join(filter(None, why))
 
 
