@@ -55,7 +55,7 @@ def test_the_papers_numbers():
     }
     assert shares == {
         ("ptae", "describe_accuracy", "iterations"): dict.fromkeys((1, 2, 10, 20, 50, 66.6), 100),
-        ("pgae", "describe_accuracy", "iterations"): {1: 36, 20: 95},
+        ("pgae", "describe_accuracy", "iterations"): {1: 36, 2: 50, 20: 95},
         ("ptae", "describe_accuracy", "samples"):
             {1: 33, 10: 81, 20: 100, 50: 100, 66.6: 100, 100: 100},
         ("pgae", "describe_accuracy", "samples"): {50: 80},
