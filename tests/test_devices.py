@@ -34,7 +34,7 @@ def test_a_gpu_is_chosen_only_where_there_is_one(monkeypatch):
 
 
 @gpu
-@pytest.mark.parametrize("model", ["ptae", "pgae", "prae"])  # PVAE draws noise where it is
+@pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
 def test_a_gpu_trains_the_same_model(few, small_configs, model):
     recipe, made = Recipe(epochs=1, batch=8), []
     for device in ("cpu", "cuda"):

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from watch import ROOT, contents, environment, finish, listens_at, start, until, until_said
+from watch import ROOT, contents, environment, finish, sockets_of, start, until, until_said
 
 SOURCES = [*ROOT.glob("src/**/*.py"), *ROOT.glob("benchmarks/*.py"), ROOT / "run.py",
            ROOT / "book" / "conf.py"]  # fmt: skip
@@ -133,12 +133,12 @@ def test_without_pybullet_all_is_read_and_only_recording_is_refused(reader):
 def test_nothing_listens_while_two_workers_record(simulator, tmp_path):
     process = start("record", tmp_path / "r", 2)
     until(process, lambda: list((tmp_path / "r").glob("sequences/*.npz")))
-    assert not listens_at(process)
+    assert not sockets_of(process)
     assert finish(process)[0] == 0
 
 
 def test_nothing_listens_while_a_study_has_two_workers():
     process = start("naps", 20)
     until_said(process, 2)
-    assert not listens_at(process)
+    assert not sockets_of(process)
     assert finish(process)[0] == 0

@@ -17,8 +17,8 @@ from watch import (
     contents,
     ended_by_ctrl_c,
     finish,
-    listens_at,
     run,
+    sockets_of,
     start,
     stop,
     unchanged,
@@ -266,7 +266,7 @@ def test_a_book_that_is_stopped_leaves_the_site_before_it(book, whole_site, tmp_
     begun = tmp_path / "begun"
     process = build(book, tmp_path, begun, takes_s="60")
     until(process, begun.exists)
-    assert listens_at(process) == {"127.0.0.1"}  # the kernel, for Sphinx alone
+    assert sockets_of(process) == {"127.0.0.1"}  # the kernel, for Sphinx alone
     result = stop(process, how)
     if how == signal.SIGINT:  # the kernels, which got it as well, may have more to say
         assert result[0] == 130 and "book: stopped; what was finished is kept" in result[1]

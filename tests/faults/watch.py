@@ -79,13 +79,13 @@ def until_said(process, times: int, word: bytes = b"begun") -> None:
         times -= line.strip() == word
 
 
-def listens_at(process) -> set[str]:
-    """The addresses at which a job, and what it has started, can be reached."""
+def sockets_of(process) -> set[str]:
+    """The addresses of every internet socket of a job and of what it has started."""
     own = psutil.Process(process.pid)
     tree = [own, *own.children(recursive=True)]
     assert len(tree) > 2  # it has started something
     sockets = [one.net_connections(kind="inet") for one in tree if one.is_running()]
-    return {s.laddr.ip for found in sockets for s in found if s.status == psutil.CONN_LISTEN}
+    return {one.laddr.ip for found in sockets for one in found}
 
 
 def stop(process, how: signal.Signals) -> tuple[int, str]:

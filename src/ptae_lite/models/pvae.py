@@ -187,4 +187,5 @@ class PVAE(nn.Module):
         if code.log_variance is None:
             return code.mean
         spread = self.config.noise * (code.log_variance / 2).exp()
-        return code.mean + spread * torch.randn_like(code.mean)
+        chance = torch.randn(code.mean.shape)  # on the CPU: a seed draws the same on any device
+        return code.mean + spread * chance.to(code.mean)

@@ -51,7 +51,7 @@ def _with_few_labels() -> list[Claim]:
     return found
 
 
-RISING = "Eight times the updates lift it far, and it has not levelled off."
+RISING = "Eight times the updates lift it far; how far more would, was not tried."
 REMARK = {"iterations": "Our training has far fewer updates.", "samples": ""}
 REMARKS = {  # by model, task, experiment and share
     ("pgae", "execute", "samples", 1): "It rises, to less than half of that.",

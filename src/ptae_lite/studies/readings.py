@@ -47,7 +47,7 @@ class Claim:
     heading: str = "What it can do"
     caveat: str = ""  # said when it holds; a claim that holds with a caveat has one
     remark: str = ""  # said when it does not hold, or cannot be tested
-    rising: str = ""  # why it is open where it does not hold: longer trainings still do better
+    rising: str = ""  # why it is open where it does not hold: longer trainings do far better
     trained: bool = True  # a value is a training, and one of them is little
 
     @property
