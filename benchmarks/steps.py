@@ -29,13 +29,14 @@ def product_rate() -> float:
 
 def some_batches(samples, model: str):
     """Batches as training builds them, and the same with every step of held poses."""
-    from ptae_lite import dataset, training
+    from ptae_lite import training
     from ptae_lite.models.checkpoint import MODELS
+    from ptae_lite.scaling import fit_scaling, prepare
     from ptae_lite.signals import STEPS as MAX_STEPS
     from ptae_lite.signals import Source, build
 
     recipe, train = training.RECIPES[model], samples.split("train")
-    source = Source(dataset.prepare(samples, dataset.fit_scaling(samples, train)))
+    source = Source(prepare(samples, fit_scaling(samples, train)))
     rng = np.random.default_rng(0)
     epoch = training.epoch_batches(rng, train, None, recipe, MODELS[model][1]().mix)
     for part, signals in islice(epoch, WARM_UP + STEPS):

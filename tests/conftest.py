@@ -87,14 +87,14 @@ def few(samples):
 
 @pytest.fixture(scope="session")
 def scaling(samples):
-    from ptae_lite.dataset import fit_scaling
+    from ptae_lite.scaling import fit_scaling
 
     return fit_scaling(samples, samples.split("train"))
 
 
 @pytest.fixture(scope="session")
 def source(samples, scaling):
-    from ptae_lite.dataset import prepare
+    from ptae_lite.scaling import prepare
     from ptae_lite.signals import Source
 
     return Source(prepare(samples, scaling))

@@ -13,6 +13,7 @@ from ptae_lite.errors import ConfigError, RecordingError
 from ptae_lite.evaluation import nrmse
 from ptae_lite.language import COLOURS, MEANINGS, VOCABULARY, alternatives, encode, patterns
 from ptae_lite.models import PTAEConfig, checkpoint
+from ptae_lite.scaling import HALF_WHITE, fit_scaling
 
 RECORDINGS = ("201207", "201223")  # two of their six
 SMALL = PTAEConfig(features=30, hidden=16, heads=2, feed_forward=32, decoder_units=12)
@@ -317,7 +318,7 @@ def test_their_joints_have_a_range_of_one(whole):
     samples = dataset.load(whole)
     train, test = samples.split("train"), samples.split("test")
     samples.joints[train[0], :2] = [[0] * 5, [1] * 5]
-    scaling = dataset.fit_scaling(samples, train)
+    scaling = fit_scaling(samples, train)
     np.testing.assert_array_equal(scaling.joint_range, np.ones(5))
     moved = samples.joints[test][:, 1:].astype(float) + 0.1
     assert nrmse(moved, samples, test, scaling)[1] == pytest.approx(10)
@@ -327,9 +328,9 @@ def test_their_features_are_whitened_as_ours_unless_the_recipe_says_otherwise(tr
     theirs = dataset.load(training_part, holdout=3)
     for recipe in (training.Recipe(epochs=1, batch=100), training.Recipe(1, 100, exponent=0.0)):
         made = training.train(theirs, recipe, config=SMALL)
-        wanted = dataset.fit_scaling(theirs, theirs.split("train"), recipe.exponent)
+        wanted = fit_scaling(theirs, theirs.split("train"), recipe.exponent)
         np.testing.assert_array_equal(made.scaling.feature_map, wanted.feature_map)
-    assert training.Recipe().exponent == dataset.HALF_WHITE
+    assert training.Recipe().exponent == HALF_WHITE
 
 
 def test_a_model_is_not_scored_on_patterns_it_was_trained_on(training_part, whole):

@@ -103,8 +103,8 @@ def kept(simulator):
     torch.manual_seed(0)
     samples = dataset.load()
     config = PTAEConfig(**TINY, film="first", padded=False, reminded=True)
-    from ptae_lite.dataset import fit_scaling
     from ptae_lite.models.ptae import PTAE
+    from ptae_lite.scaling import fit_scaling
 
     scaling = fit_scaling(samples, samples.split("train")[:50])
     trained = checkpoint.Trained(PTAE(config).eval(), scaling, {"eye": samples.eye})

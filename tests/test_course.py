@@ -19,6 +19,7 @@ from ptae_lite import artefacts, dataset, evaluation, language, published
 from ptae_lite.display import course, hints, pairs
 from ptae_lite.display.panels import Panel
 from ptae_lite.errors import ArtefactError
+from ptae_lite.scaling import fit_scaling
 from ptae_lite.studies.readings import MARGIN
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -305,7 +306,7 @@ def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simula
     """Exercise 6.3: joints of ten frames ago, by the error and in the simulator."""
     judge = played("06_closed_loop", 0).names["closed_loop"]
     samples = dataset.load("recording")
-    test, scaling = samples.split("test"), dataset.fit_scaling(samples, samples.split("train"))
+    test, scaling = samples.split("test"), fit_scaling(samples, samples.split("train"))
     ago = np.maximum(np.arange(1, 100) - 10, 0)
     late = np.stack([samples.joints[i, np.minimum(ago, samples.frames[i] - 1)] for i in test])
     assert round(evaluation.nrmse(late, samples, test, scaling)[0]) == 18

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from ptae_lite import evaluation
-from ptae_lite.dataset import Scaling, prepare
 from ptae_lite.errors import LanguageError
 from ptae_lite.language import (
     COLOURS,
@@ -21,6 +20,7 @@ from ptae_lite.language import (
     sentence,
 )
 from ptae_lite.models.ptae import Answer
+from ptae_lite.scaling import Scaling, prepare
 from ptae_lite.signals import Source
 
 

@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from ptae_lite import dataset
-from ptae_lite.dataset import fit_scaling
 from ptae_lite.language import EOS, WORD_INDEX, encode, pattern
 from ptae_lite.models.common import Answer
+from ptae_lite.scaling import fit_scaling
 from ptae_lite.studies import followed
 from ptae_lite.studies.followed import Motions, Told
 from ptae_lite.studies.incongruence import Condition

@@ -4,6 +4,7 @@ import pytest
 
 from ptae_lite import artefacts, dataset, evaluation, training
 from ptae_lite.models import checkpoint
+from ptae_lite.scaling import fit_scaling
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +36,7 @@ def test_it_describes_the_test_samples(scores):
 def test_it_follows_the_film_of_the_test_samples(scores):
     """Better than the mean motion of the same action on the same side, which has 2.8 %."""
     samples = dataset.load("recording")
-    fitted = dataset.fit_scaling(samples, samples.split("train"))
+    fitted = fit_scaling(samples, samples.split("train"))
     known, _ = evaluation.references(samples, fitted)["mean of action word and side"]
     assert scores["execute_nrmse"] < known
     assert scores["repeat_action_nrmse"] < known

@@ -1,6 +1,6 @@
 """PTAE-lite: bidirectional action-language translation, rebuilt on a laptop.
 
-Data flows one way, and so do the imports: `language`, `robot`, `dataset`, `vision`, `signals`,
+Data flows one way, and so do the imports: `language`, `robot`, `dataset`, `vision`, `scaling`, `signals`,
 `models`, `training`, `evaluation`, `studies`; then `display` and the book, which know the
 library while the library knows neither.
 

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 
 from ptae_lite import readout
-from ptae_lite.dataset import MAX_FRAMES, Samples, Scaling
+from ptae_lite.dataset import MAX_FRAMES, Samples
 from ptae_lite.language import (
     EOS,
     MEANINGS,
@@ -31,6 +31,7 @@ from ptae_lite.language import (
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.common import Answer
 from ptae_lite.robot import inverse, motions
+from ptae_lite.scaling import Scaling
 from ptae_lite.signals import STEPS, TOKENS_IN, WIRING, Batch, Source, build, signal_number
 
 CHANCE = 100 / len(MEANINGS)

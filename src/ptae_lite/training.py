@@ -16,9 +16,10 @@ from jaxtyping import Int
 from torch import Tensor, nn
 
 from ptae_lite import devices
-from ptae_lite.dataset import HALF_WHITE, Samples, Scaling, fit_scaling, prepare
+from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
+from ptae_lite.scaling import HALF_WHITE, Scaling, fit_scaling, prepare
 from ptae_lite.signals import PTAE_MIX, Source, blend, build, refilm, signal_number
 
 
@@ -42,7 +43,7 @@ class Recipe:
     extra: float = 0.0  # ours; share of samples with a true extra input, see `signals.build`
     balanced: bool = True  # ours, with few labels: they make half of each batch, see epoch_batches
     unpaired: bool = False  # ours: a sentence to repeat comes with the scene of another sample
-    exponent: float = HALF_WHITE  # ours, of the features' whitening, see `dataset.fit_scaling`
+    exponent: float = HALF_WHITE  # ours, of the features' whitening, see `scaling.fit_scaling`
     seed: int = 0
 
     def __post_init__(self):
