@@ -21,6 +21,7 @@ from ptae_lite.studies.incongruence import ANSWERS_WORDS, EXTRA_INPUT
 
 MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours may be so much worse than a number and keep to it
 SEPARATED, PLAIN = "separated 3x10", "plain 10"
+IN_WORDS = "in words"  # what stands in place of the paper's number where it has none
 
 
 class Tables(NamedTuple):

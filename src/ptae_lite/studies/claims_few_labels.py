@@ -1,0 +1,121 @@
+"""Every claim of the paper about few labels: where it is read, and where it is shown."""
+
+from __future__ import annotations
+
+from ptae_lite import published
+from ptae_lite.evaluation import CHANCE
+from ptae_lite.studies.readings import (
+    IN_WORDS,
+    Claim,
+    ahead,
+    always,
+    fall,
+    number,
+    plateau,
+    with_labels,
+)
+
+FEW = "04_limited_supervision"
+CURVES, ANCESTORS = "The paper's figures", "PTAE and its ancestors"
+RISING = "Eight times the updates lift it far; how far more would, was not tried."
+REMARK = {"iterations": "Our training has far fewer updates.", "samples": ""}
+REMARKS = {  # by model, task, experiment and share
+    ("pgae", "execute", "samples", 1): "It rises, to less than half of that.",
+    ("pgae", "execute", "samples", 66.6): "Here it is as with all labels.",
+    ("pgae", "execute", "samples", 100): "Here PGAE's error is above PTAE's.",
+}
+
+
+def _with_few_labels() -> list[Claim]:
+    """What the text says in numbers of few labels, share by share, but for the regular model."""
+    found = []
+    for (model, column, mode), by_share in published.BY_SHARE.items():
+        for share, claim in by_share.items():
+            regular = share == (100 if mode == "samples" else 66.6)
+            if regular and model == "ptae":
+                continue  # the same as in the first group
+            task = column.split("_")[0]
+            found.append(number(
+                f"{model.upper()}, {task} with {share:g} % of the {mode}", claim,
+                with_labels(model, column, mode, share), group="Few labels",
+                unit="%" if column.endswith("accuracy") else "% NRMSE",
+                chapter=FEW, heading=CURVES,
+                remark=REMARKS.get((model, task, mode, share), REMARK[mode]),
+                rising=RISING if (model, mode) == ("ptae", "iterations") and share <= 2 else "",
+            ))  # fmt: skip
+    return found
+
+
+FEW_LABELS = [
+    *_with_few_labels(),
+    Claim(
+        "Few labels",
+        "PTAE, describe with 2 % of the samples",
+        '"up to 50 %"; also "more than half"',
+        chapter=FEW,
+        heading=CURVES,
+        values=with_labels("ptae", "describe_accuracy", "samples", 2),
+        remark="The text names two numbers that exclude each other.",
+    ),
+    Claim(
+        "Few labels",
+        "PTAE, execute stays on a plateau with 20 to 50 % of the samples",
+        IN_WORDS,
+        plateau("ptae", "execute_nrmse", 50, 20),
+        lambda found, _: bool((found < 0.25).all()),
+        "points of NRMSE above all labels",
+        FEW,
+        CURVES,
+        trained=False,
+    ),
+    *(
+        Claim(
+            "Few labels",
+            f"PTAE describes better than PGAE with {share} % of the samples",
+            IN_WORDS,
+            ahead("describe_accuracy", "samples", share),
+            always,
+            "points",
+            FEW,
+            ANCESTORS,
+            remark=remark,
+        )
+        for share, remark in (
+            (1, ""),
+            (2, "On average it does; with one list it does not."),
+            (10, ""),
+        )
+    ),
+    *(
+        Claim(
+            "Few labels",
+            f"PGAE describes above chance with {share} % of the samples",
+            IN_WORDS,
+            with_labels("pgae", "describe_accuracy", "samples", share),
+            lambda found, _: bool((found > CHANCE).all()),
+            "%",
+            FEW,
+            ANCESTORS,
+            remark=remark,
+        )
+        for share, remark in ((1, "With one list of seven it is at chance."), (2, ""))
+    ),
+    Claim(
+        "Few labels",
+        "PGAE describes worse with 10 % of the iterations than with 20 %",
+        IN_WORDS,
+        fall("pgae", "describe_accuracy", "iterations", 20, 10),
+        always,
+        "points",
+        FEW,
+        ANCESTORS,
+    ),
+    Claim(
+        "Few labels",
+        "PTAE, execute by iterations: a similar trend",
+        "no number",
+        chapter=FEW,
+        heading=CURVES,
+        remark="The text has no number to compare.",
+    ),
+]
