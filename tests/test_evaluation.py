@@ -166,6 +166,22 @@ def test_knowing_more_of_the_action_never_hurts_on_training_samples(samples, sca
     assert valid == sorted(valid, reverse=True)
 
 
+def test_where_no_training_clip_is_alike_the_mean_is_of_those_that_are_most_alike(few, scaling):
+    """Of the few, no slow slide is in training: what is left to know of it is the speed."""
+    shown = [pattern(int(i)) for i in few.pattern]
+    trained_on = {(shown[i].speed, shown[i].action) for i in few.split("train")}
+    asked = [shown[i] for i in few.split("test")]
+    assert any((p.speed, p.action) not in trained_on for p in asked)
+    made = evaluation._group_means(few, few.split("test"), few.split("train"), ("speed", "action"))
+    for p, mean in zip(asked, made, strict=True):
+        whole = (p.speed, p.action) in trained_on
+        alike = [
+            i for i in few.split("train")
+            if shown[i].speed == p.speed and (shown[i].action == p.action or not whole)
+        ]  # fmt: skip
+        np.testing.assert_allclose(mean, few.joints[alike][:, 1:].mean(0), atol=1e-6)
+
+
 def test_answers_come_in_order_whatever_the_batch(trained, few):
     source = Source(trained.dataset(few))
     indices = np.array([30, 2, 17, 5, 11])

@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, dataset
+from ptae_lite.evaluation import references
+from ptae_lite.scaling import fit_scaling
 from ptae_lite.studies import eye_scores, eyes, eyes_ptae, eyes_table
 
 CHAPTER = Path(__file__).resolve().parents[1] / "book" / "02_vision.md"
@@ -174,6 +176,16 @@ def test_joint_pca_serves_ptae_as_well(in_use):
     joint, own = in_use.loc["PCA 30"], in_use.loc[SEPARATED]
     assert joint["describe_accuracy"].median() >= own["describe_accuracy"].median()
     assert joint["execute_nrmse"].max() < own["execute_nrmse"].min()
+
+
+def test_ptae_moves_better_than_a_plan_with_every_eye_but_one(in_use):
+    samples = dataset.load()
+    scaling = fit_scaling(samples, samples.split("train"))
+    known = {name: error for name, (error, _) in references(samples, scaling).items()}
+    plan = known["plan from the true places"]
+    assert round(plan, 1) == 1.9 and round(known["mean of action word and side"], 1) == 2.8
+    assert (in_use.drop("PCA 10")["execute_nrmse"] < plan).all()
+    assert plan < in_use.loc["PCA 10", "execute_nrmse"].min()
 
 
 def test_drawings_are_stored_of_every_eye():

@@ -75,6 +75,30 @@ def test_every_stage_is_a_command_that_exists():
     assert "--seeds 0 1 " in " ".join(supervision.arguments(out="o", seeds=range(2), device="cpu"))
 
 
+def test_eyes_are_taken_from_where_their_study_leaves_them():
+    from ptae_lite.studies import eyes
+
+    (one,) = (one for one in STAGES if one.name == "eyes")
+    for name, path in one.lies.items():
+        kind, recipe = (artefacts.load_weights(artefacts.stored(name))[1][k]
+                        for k in ("kind", "recipe"))  # fmt: skip
+        (eye,) = (e for e, (k, code) in eyes.CAES.items() if k == kind and code == 10)
+        length = recipe["steps"] * recipe["batch"]
+        assert path == f"eyes/{eyes.folder_of(eye, recipe['seed'])}/eye_{length}.safetensors"
+        assert length in eyes.CHECKPOINTS[eye]
+    features = next(one for one in STAGES if one.name == "features").command
+    assert features.endswith("--eye {out}/" + one.lies["weights/cae.safetensors"])
+
+
+def test_a_file_that_lies_elsewhere_is_kept_under_its_stored_name(tiny, settings):
+    lies = {NAMES[0]: "results/other.csv"}
+    other = Stage("one", "tiny make {out}/results/other.csv", {NAMES[0]: CHECK}, lies=lies)
+    Rerun(settings, (other,)).go(io.StringIO())
+    made = settings.out / "results/other.csv"
+    assert made.read_bytes() == (settings.data / NAMES[0]).read_bytes()
+    assert [state for _, state in Rerun(settings, (other,)).plan()] == ["done"]
+
+
 def test_a_run_makes_everything_once_and_says_what_agreed(tiny, settings, capsys):
     stages, stream = (stage("one"), stage("two")), io.StringIO()
     assert Rerun(settings, stages).go(stream) is None
@@ -276,6 +300,68 @@ def test_arrays_are_compared_by_name(tmp_path, change, agrees):
     folders = two(tmp_path, "a.npz", write)
     assert judge("a.npz", arrays({"joints": 0.01}), *folders).agrees is agrees
     assert judge("a.npz", checks.SHAPES, *folders).agrees
+
+
+def test_each_of_several_arrays_has_to_agree(tmp_path):
+    def write(path, first):
+        np.savez(path, joints=np.zeros(5) + first, films=np.zeros(5000))
+
+    verdict = judge(
+        "a.npz", arrays({"joints": 0.1, "films": 4}, 0.9), *two(tmp_path, "a.npz", write)
+    )
+    assert not verdict.agrees and verdict.says.startswith("0 of 5 numbers within; furthest: joints")
+
+
+@pytest.mark.parametrize(("wrong", "agrees"), [(1, True), (3, False)])
+def test_answers_are_compared_by_their_texts(tmp_path, wrong, agrees):
+    def write(path, first):
+        said = ["push red"] * 6
+        said[:wrong] = ["slide blue" if first else "push red"] * wrong
+        pd.DataFrame({"aspects": ["", *"abcde"], "answer": said}).to_csv(path, index=False)
+
+    check, folders = checks.texts(("aspects",), "answer", 0.7), two(tmp_path, "t.csv", write)
+    assert judge("t.csv", check, *folders) == (agrees, f"{6 - wrong} of 6 answers the same", True)
+    lost = two(tmp_path / "other", "t.csv", lambda path, first: path.write_text(
+        "aspects,answer\na,x\n" + "b,y\n" * first))  # fmt: skip
+    assert judge("t.csv", check, *lost) == (False, "has other rows", True)
+
+
+def test_every_table_and_every_array_is_compared_in_something():
+    for one in STAGES:
+        for name, check in one.makes.items():
+            if name.endswith(".csv") or (name.endswith(".npz") and check is not checks.READOUT):
+                assert check.compare(name, artefacts.DATA, artefacts.DATA).agrees, name
+
+
+@pytest.mark.parametrize(("lost", "agrees"), [(2, True), (6, False)])
+def test_episodes_are_compared_by_their_ends(tmp_path, lost, agrees):
+    from ptae_lite.studies import episodes
+
+    name, kept = f"results/{episodes.EPISODES}", episodes.load()
+    won = [i for i, one in enumerate(kept) if one.verdict.success]
+
+    def write(path, first):
+        changed = list(kept)
+        for i in won[:lost] if first else ():  # the arm stays, and so does the cube
+            one = kept[i]
+            still = one.episode._replace(joints_rad=one.episode.joints_rad[:1].repeat(9, 0),
+                                         cubes=one.episode.cubes[:1].repeat(9, 0))  # fmt: skip
+            changed[i] = one._replace(episode=still)
+        episodes.write(path, changed)
+
+    verdict = judge(name, checks.episodes(1 - 4 / len(kept)), *two(tmp_path, name, write))
+    assert verdict.agrees is agrees
+    assert verdict.says == f"{len(kept) - lost} of {len(kept)} succeed or fail as they did"
+
+
+def test_other_episodes_do_not_agree(tmp_path):
+    from ptae_lite.studies import episodes
+
+    name, kept = f"results/{episodes.EPISODES}", episodes.load()
+    folders = two(tmp_path, name, lambda path, first: episodes.write(path, kept[first:]))
+    assert judge(name, checks.episodes(0), *folders) == (
+        False, "holds other sentences or scenes", True,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("levels", "agrees"), [(1, True), (9, False)])

@@ -246,14 +246,19 @@ def _planned(samples: Samples, indices):
 
 
 def _group_means(samples, indices, known, aspects):
-    def key(i):
-        return tuple(getattr(patterns()[samples.pattern[i]], aspect) for aspect in aspects)
+    """Means of the training clips that agree in all aspects, or in as many first ones as any do."""
+
+    def keys(i):
+        shown = patterns()[samples.pattern[i]]
+        aspect = tuple(getattr(shown, name) for name in aspects)
+        return [aspect[:n] for n in range(len(aspects), -1, -1)]
 
     groups: dict = {}
     for i in known:
-        groups.setdefault(key(i), []).append(i)
+        for key in keys(i):
+            groups.setdefault(key, []).append(i)
     means = {k: samples.joints[group][:, 1:].mean(0) for k, group in groups.items()}
-    return np.stack([means[key(i)] for i in indices])
+    return np.stack([next(means[key] for key in keys(i) if key in means) for i in indices])
 
 
 FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a clip, where the linear baseline looks at the joints

@@ -49,8 +49,7 @@ def _eyes(options) -> dict:
 
     table = eyes.study(
         dataset.load_unseen(options.recording), options.recording, options.out, options.eyes,
-        options.seeds or (0, 1, 2), weights=options.weights, workers=options.workers,
-        device=options.device,
+        options.seeds or (0, 1, 2), workers=options.workers, device=options.device,
         progress=lambda results, total: bar(results, total=total, desc="eyes"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / "eyes.csv"), "rows": len(table)}
@@ -154,8 +153,7 @@ def add_options(study: argparse.ArgumentParser) -> None:
                             "trusted network only")  # fmt: skip
     study.add_argument("--weights", metavar="FOLDER",
                        help="family, incongruence, closed-loop: keep the trained models here; "
-                            "the last two do not train what is there; eyes: keep the separated "
-                            "CAE here")  # fmt: skip
+                            "the last two do not train what is there")  # fmt: skip
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
     study.add_argument("--device", default="cpu",
                        help="eyes: where CAEs are trained, cpu or a GPU such as cuda")  # fmt: skip

@@ -22,6 +22,7 @@ from PIL import Image
 from ptae_lite import artefacts, dataset, vision
 from ptae_lite.evaluation import evaluate, linear_describe_accuracy
 from ptae_lite.models import checkpoint
+from ptae_lite.studies import episodes as kept_episodes
 
 SAMPLES = "recording/samples.npz"
 
@@ -113,7 +114,7 @@ def _room(absolute: float, relative: float) -> str:
 
 
 def arrays(within: dict[str, float], share: float = 0.99) -> Check:
-    """An npz file: the named arrays within a tolerance, all others equal."""
+    """An npz file: that share of each named array within a tolerance, all others equal."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (_arrays(folder / name) for folder in (remade, stored))
@@ -122,11 +123,27 @@ def arrays(within: dict[str, float], share: float = 0.99) -> Check:
         for other in was.keys() - within.keys():
             if not np.array_equal(made[other], was[other]):
                 return Comparison(False, f"{other} is not the same")
-        pairs = {n: (made[n], was[n]) for n in within}
-        return near(pairs, {n: (room, 0) for n, room in within.items()}, share)
+        each = [near({n: (made[n], was[n])}, {n: (room, 0)}, share) for n, room in within.items()]
+        return Comparison(all(one.agrees for one in each), "; ".join(one.says for one in each))
 
     rooms = ", ".join(f"{name} ± {room:g}" for name, room in within.items())
-    return Check(f"{share:.0%} of its numbers: {rooms}; the rest equal", compare)
+    return Check(f"{share:.0%} of the numbers in each: {rooms}; the rest equal", compare)
+
+
+def texts(key: tuple, column: str, share: float) -> Check:
+    """A CSV table of texts: how many are the same in the rows with the same `key`."""
+
+    def compare(name: str, remade: Path, stored: Path) -> Comparison:
+        made, was = (
+            pd.read_csv(folder / name, keep_default_na=False).set_index(list(key))[column]
+            for folder in (remade, stored)
+        )
+        if set(made.index) != set(was.index):
+            return Comparison(False, "has other rows")
+        alike = int((made.reindex(was.index) == was).sum())
+        return Comparison(alike >= share * len(was), f"{alike} of {len(was)} {column}s the same")
+
+    return Check(f"{share:.0%} of its {column}s the same", compare)
 
 
 def _shapes(name: str, remade: Path, stored: Path) -> Comparison:
@@ -136,9 +153,20 @@ def _shapes(name: str, remade: Path, stored: Path) -> Comparison:
     return Comparison(made == was, "the same arrays and shapes" if made == was else "other arrays")
 
 
-def _names(name: str, remade: Path, stored: Path) -> Comparison:
-    made, was = (set(_arrays(folder / name)) for folder in (remade, stored))
-    return Comparison(made == was, "arrays of the same names" if made == was else "other arrays")
+def episodes(share: float) -> Check:
+    """Stored episodes of the closed loop: the same sentences, and how many end as they did."""
+
+    def compare(name: str, remade: Path, stored: Path) -> Comparison:
+        made, was = (kept_episodes.load(folder / name) for folder in (remade, stored))
+        if [(one.told, one.stage.colours) for one in made] != [
+            (one.told, one.stage.colours) for one in was
+        ]:
+            return Comparison(False, "holds other sentences or scenes")
+        alike = [m.verdict.success == w.verdict.success for m, w in zip(made, was, strict=True)]
+        says = f"{sum(alike)} of {len(alike)} succeed or fail as they did"
+        return Comparison(sum(alike) >= share * len(alike), says)
+
+    return Check(f"{share:.0%} of its episodes succeed or fail as they did", compare)
 
 
 def pictures(levels: float) -> Check:
@@ -194,7 +222,6 @@ def _scores(name: str, remade: Path, stored: Path) -> Comparison:
     return near({score: ([made[score]], [was[score]]) for score in was}, rooms)
 
 
-SHAPES = Check("the same arrays and shapes; the numbers are another network's", _shapes)
-NAMES = Check("arrays of the same names; their lengths are another network's, too", _names)
+SHAPES = Check("the same arrays and shapes; the episodes are others", _shapes)
 READOUT = Check("a weighted sum reads as many clips right, ± 5 points", _readout)
 SCORES = Check("accuracies ± 5 points, NRMSE ± 0.5 points", _scores)

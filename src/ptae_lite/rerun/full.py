@@ -174,7 +174,8 @@ class Rerun:
         """Put what a command left into the run's data, and write down that it is finished."""
         command = self.settings.written(stage)
         for name in stage.makes:
-            made, kept = self.settings.out / name, self.settings.data / name
+            made = self.settings.out / stage.lies.get(name, name)
+            kept = self.settings.data / name
             kept.parent.mkdir(parents=True, exist_ok=True)
             with whole(kept) as beside:
                 shutil.copyfile(made, beside)

@@ -9,7 +9,6 @@ decide when a training has levelled off; those on `test` are for the table.
 from __future__ import annotations
 
 import copy
-import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +21,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from ptae_lite import artefacts, dataset, frames, pca, vision
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
-from ptae_lite.files import whole, write_arrays
+from ptae_lite.files import write_arrays
 from ptae_lite.robot.recorder import load_sequence, samples_in_order
 from ptae_lite.studies import eye_scores, tables
 
@@ -32,8 +31,8 @@ PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pc
 # 64,000 cost the separated one.
 CHECKPOINTS = {
     "separated 3x10": (0, 32_000, 64_000, 128_000),
-    "plain 10": (0, 64_000, 166_960, 333_920),
-    "plain 30": (0, 64_000, 166_960, 333_920),
+    "plain 10": (0, 64_000, 128_000, 166_960, 333_920),
+    "plain 30": (0, 64_000, 128_000, 166_960, 333_920),
 }
 KEY = ["eye", "seed", "presentations", "split"]
 PCA_EVERY = 8  # of the training images: 2,066 of them
@@ -168,7 +167,7 @@ def restore(training: vision.EyeTraining, path: Path) -> float:
 
 
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
-          weights=None, workers: int = 1, device: str = "cpu",
+          workers: int = 1, device: str = "cpu",
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
     """Run what is missing in `eyes.csv`: the PCAs, then every CAE of a seed before the next seed.
 
@@ -177,8 +176,6 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         folder: of the table.
         work: weights and features of each eye, and where its training stands.
         checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
-        weights: a folder for the book's eye, `cae.safetensors`: the longest separated CAE of the
-            first seed. Not kept if None.
         workers: eyes side by side.
         device: where CAEs are trained; what they are worth is measured on the CPU.
     """
@@ -188,9 +185,6 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
     todo = [(bench, name, seed, checkpoints.get(name), device) for name, seed in jobs]
     tables.run(run_one, todo, lambda _: None, workers, progress)
     write_drawings(bench, seeds[0], checkpoints)
-    if weights is not None:
-        with whole(Path(weights) / "cae.safetensors") as beside:
-            shutil.copyfile(longest(bench, "separated 3x10", seeds[0], checkpoints), beside)
     return bench.rows()
 
 

@@ -17,7 +17,14 @@ import pandas as pd
 
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
-from ptae_lite.evaluation import controls, correct, evaluate, new_scenes, respond
+from ptae_lite.evaluation import (
+    controls,
+    correct,
+    evaluate,
+    new_scenes,
+    references,
+    respond,
+)
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import MODELS, Trained
 from ptae_lite.signals import Source
@@ -101,6 +108,10 @@ def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = N
         f"execute_{name.replace(' ', '_')}": paper
         for name, (paper, _) in controls(trained, samples).items() if name != "as trained"
     }  # fmt: skip
+    scored |= {  # what little knowledge gives, on these data
+        f"reference_{name.replace(' ', '_')}": paper
+        for name, (paper, _) in references(samples, trained.scaling).items()
+    }
     new = new_scenes(samples)
     right = correct(respond(trained, source_of(trained), test, "describe"), samples, test)
     for name, part in {"new": right[new], "known": right[~new]}.items():
