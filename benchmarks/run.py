@@ -3,9 +3,9 @@
 
     python benchmarks/run.py [NAME ...] [--full] [--json]
 
-Names: recording, cae, features, steps, describing, ptae, chapters; all of them if none is given. A
-job of minutes is measured on a fair part and extrapolated to the whole; `--full` does it whole.
-The last column says which. Run it on an idle machine: beside other work, two threads may take ten
+Names: recording, cae, cae_step, features, steps, describing, ptae, memory, chapters; all of them if
+none is given. A job of minutes is measured on a fair part and extrapolated to the whole; `--full`
+does it whole. The last column says which. Run it on an idle machine: beside other work, two threads may take ten
 times as long.
 """
 
@@ -155,6 +155,35 @@ def ptae(options) -> list[Row]:
     return [row, right]
 
 
+def peak_gb(command) -> float:
+    """The largest memory that a command's process has had."""
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    if os.waitstatus_to_exitcode(status):
+        raise SystemExit(f"{' '.join(map(str, command))} failed; run it to see why")
+    return used.ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9  # bytes, kilobytes
+
+
+def memory(options) -> list[Row]:
+    """Each training in a process of its own, an epoch or some steps of it."""
+    kinds = {"cae": "--steps", "plain-cae": "--steps"}
+    kinds |= dict.fromkeys(("ptae", "pgae", "pvae", "prae"), "--epochs")
+    rows = [Row(f"memory: train {kind}", 2, "GB") for kind in kinds]
+    for row, (kind, short) in zip(rows, kinds.items(), strict=True):
+        if not hasattr(os, "wait4"):
+            row.how = "not measured: this system does not tell"
+        elif short == "--steps" and not Path(options.data).is_dir():
+            row.how = "not measured: first run python -m ptae_lite record"
+        else:
+            data = ["--data", options.data] if short == "--steps" else []
+            with tempfile.TemporaryDirectory() as folder:
+                out = ["--out", Path(folder) / "x.safetensors"]
+                train = ["-m", "ptae_lite", "train", kind, *data, short, "2", *out]
+                row.value = peak_gb([sys.executable, *train])
+            row.how = f"measured, {short} 2"
+    return rows
+
+
 def chapters(options, root: Path = ROOT) -> list[Row]:
     record, whole = root / "build" / "chapter_times.json", Row("run.py book", 4)
     whole.how = "not measured: needs --full"
@@ -176,7 +205,7 @@ def chapters(options, root: Path = ROOT) -> list[Row]:
 
 JOBS = {
     job.__name__: job
-    for job in (recording, cae, cae_step, features, steps, describing, ptae, chapters)
+    for job in (recording, cae, cae_step, features, steps, describing, ptae, memory, chapters)
 }
 THREADS = {"cae": 2, "cae_step": 1, "features": 2, "steps": 1, "describing": 1, "ptae": 1}
 
@@ -187,7 +216,7 @@ def main(arguments=None) -> int:
     parser.add_argument("--full", action="store_true", help="do each job whole")
     parser.add_argument("--json", action="store_true", help="print JSON, not a table")
     parser.add_argument("--data", default=ROOT / "build" / "recording",
-                        help="recording for cae and features with --full")  # fmt: skip
+                        help="recording for memory, and for cae and features with --full")  # fmt: skip
     options = parser.parse_args(arguments)
     for name in options.names:
         if name not in JOBS:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -79,6 +80,29 @@ def test_the_fast_step_of_a_cae_is_measured_beside_the_readable_one(run, monkeyp
     assert [row.measure.split()[0] for row in rows] == ["separated", "plain"]
     for row in rows:
         assert 0.3 < row.low <= row.value <= row.high < 30 and not row.at_most
+
+
+def test_memory_is_that_of_the_process_at_its_largest(run):
+    if not hasattr(os, "wait4"):
+        pytest.skip("this system does not tell a process's memory")
+    little, much = (
+        run.peak_gb([sys.executable, "-c", f"x = bytearray(b'1' * {n}); del x"])
+        for n in (1, 200_000_000)
+    )
+    assert 0.2 < much - little < 0.5
+    with pytest.raises(SystemExit, match="failed; run it to see why"):
+        run.peak_gb([sys.executable, "-c", "1 / 0"])
+
+
+def test_memory_of_a_cae_is_not_measured_without_a_recording(run, monkeypatch, tmp_path):
+    asked = []
+    monkeypatch.setattr(run, "peak_gb", lambda command: asked.append(command) or 1.5)
+    rows = run.memory(SimpleNamespace(data=tmp_path / "none"))
+    assert [row.value for row in rows] == [None, None, 1.5, 1.5, 1.5, 1.5]
+    assert "first run python -m ptae_lite record" in rows[0].how and rows[2].holds
+    assert [command[4] for command in asked] == ["ptae", "pgae", "pvae", "prae"]
+    rows = run.memory(SimpleNamespace(data=tmp_path))
+    assert all(row.value == 1.5 for row in rows) and "--data" in asked[4]
 
 
 def test_chapters_are_read_from_the_last_build(run, tmp_path):

@@ -163,6 +163,26 @@ def test_a_frame_that_is_not_stored_is_refused_with_those_that_are():
         frames.frame(143, 5, 99)
 
 
+def test_an_eye_is_trained_on_each_third_frame_of_the_training_patterns(monkeypatch):
+    read = []
+
+    def load_sequence(folder, index, variation):
+        read.append((index, variation))
+        clip = np.zeros((pattern(index).frames, 2, 1, 3), np.uint8)
+        clip[:, 0, 0] = np.arange(len(clip))[:, None]
+        clip[:, 1, 0] = index, variation, 0
+        return SimpleNamespace(images=clip)
+
+    monkeypatch.setattr(recorder, "IMAGE", (2, 1, 3))
+    monkeypatch.setattr(recorder, "load_sequence", load_sequence)
+    monkeypatch.setattr(recorder, "check_ours", lambda folder, same_scene: None)
+    images = frames.training_images("R")
+    wanted = [(i, v) for i, v in samples_in_order() if pattern(i).split == "train"]
+    assert read == wanted
+    whole = [(t, i, v) for i, v in wanted for t in range(0, pattern(i).frames, 3)]
+    assert [(im[0, 0, 0], *im[1, 0, :2]) for im in images] == whole
+
+
 def test_the_stored_recording_loads_with_its_features():
     samples = dataset.load()
     sizes = {name: len(samples.split(name)) for name in SPLITS}

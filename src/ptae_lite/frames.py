@@ -114,11 +114,12 @@ def training_images(folder, every: int = 3) -> np.ndarray:
 
     Neighbouring frames are nearly alike: a third of them (0.9 GB) trains as well as all.
     """
-    from ptae_lite.robot.recorder import check_ours, load_sequence
+    from ptae_lite.robot.recorder import IMAGE, check_ours, load_sequence
 
     check_ours(folder, same_scene=False)
-    return np.concatenate([
-        load_sequence(folder, p.index, variation).images[::every].copy()  # a view holds them all
-        for p in patterns() if p.split == "train"
-        for variation in range(VARIATIONS)
-    ])  # fmt: skip
+    chosen = [(p, v) for p in patterns() if p.split == "train" for v in range(VARIATIONS)]
+    ends = np.cumsum([len(range(0, p.frames, every)) for p, _ in chosen])
+    images = np.empty((ends[-1], *IMAGE), np.uint8)  # there is no room for them twice
+    for (p, variation), part in zip(chosen, np.split(images, ends[:-1]), strict=True):
+        part[:] = load_sequence(folder, p.index, variation).images[::every]
+    return images

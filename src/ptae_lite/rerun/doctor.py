@@ -21,7 +21,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[3]
 GOOD, WARNING, PROBLEM = "good", "warning", "PROBLEM"
 MINIMUM = (3, 11)
-FREE_GB, MEMORY_GB = 2, 3  # a full re-run leaves some 0.5 GB; a CAE takes 2.1 GB of memory
+FREE_GB, MEMORY_GB = 2, 3  # a full re-run leaves some 0.5 GB; a CAE takes 1.4 GB of memory
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 MANAGER = "labextensions/@jupyter-widgets/jupyterlab-manager/package.json"
 FRONT_END_OF = {"7": "3", "8": "5"}  # major versions: of ipywidgets, and of its part in JupyterLab
@@ -173,8 +173,10 @@ def _ask_pybullet() -> str:
 def check_disk(free_bytes: int | None = None) -> Finding:
     free = (shutil.disk_usage(ROOT).free if free_bytes is None else free_bytes) / 1e9
     if free < FREE_GB:
-        mend = f"free some space; what can be made again lies in {ROOT / 'build'}"
-        return Finding("disk", PROBLEM, f"{free:.1f} GB are free, {FREE_GB} are needed", mend)
+        says = (
+            f"{free:.1f} GB are free, {FREE_GB} are needed; your own runs lie in {ROOT / 'build'}"
+        )
+        return Finding("disk", PROBLEM, says, f"{python()} -m pip cache purge")
     return Finding("disk", GOOD, f"{free:.1f} GB are free")
 
 
@@ -194,7 +196,7 @@ def check_memory(given: int | None = None) -> Finding:
     if whole is None:
         return Finding("memory", GOOD, "not asked on this system")
     if whole < 0.9 * MEMORY_GB * 1e9:
-        says = f"{whole / 1e9:.1f} GB: enough for the chapters; training a CAE takes 2"
+        says = f"{whole / 1e9:.1f} GB: enough for the chapters; training a CAE takes 1.4"
         return Finding("memory", WARNING, says)
     return Finding("memory", GOOD, f"{whole / 1e9:.1f} GB")
 
