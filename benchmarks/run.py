@@ -5,8 +5,8 @@
 
 Names: recording, cae, cae_step, features, steps, describing, ptae, memory, chapters; all of them if
 none is given. A job of minutes is measured on a fair part and extrapolated to the whole; `--full`
-does it whole. The last column says which. Run it on an idle machine: beside other work, two threads may take ten
-times as long.
+does it whole. The last column says which. Run it on an idle machine: beside other work, two threads
+may take ten times as long.
 """
 
 from __future__ import annotations
@@ -155,13 +155,21 @@ def ptae(options) -> list[Row]:
     return [row, right]
 
 
+# A process counts what it was forked from. So a small one asks, not this one.
+ASK = """import os, subprocess, sys
+none = subprocess.DEVNULL
+_, status, used = os.wait4(subprocess.Popen(sys.argv[1:], stdout=none, stderr=none).pid, 0)
+print(used.ru_maxrss)
+sys.exit(os.waitstatus_to_exitcode(status))
+"""
+
+
 def peak_gb(command) -> float:
     """The largest memory that a command's process has had."""
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    _, status, used = os.wait4(process.pid, 0)
-    if os.waitstatus_to_exitcode(status):
+    asked = subprocess.run([sys.executable, "-c", ASK, *command], stdout=subprocess.PIPE)
+    if asked.returncode:
         raise SystemExit(f"{' '.join(map(str, command))} failed; run it to see why")
-    return used.ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9  # bytes, kilobytes
+    return int(asked.stdout) * (1 if sys.platform == "darwin" else 1024) / 1e9  # bytes, kilobytes
 
 
 def memory(options) -> list[Row]:
@@ -216,7 +224,7 @@ def main(arguments=None) -> int:
     parser.add_argument("--full", action="store_true", help="do each job whole")
     parser.add_argument("--json", action="store_true", help="print JSON, not a table")
     parser.add_argument("--data", default=ROOT / "build" / "recording",
-                        help="recording for memory, and for cae and features with --full")  # fmt: skip
+                        help="recording for memory, or for cae, features with --full")  # fmt: skip
     options = parser.parse_args(arguments)
     for name in options.names:
         if name not in JOBS:
