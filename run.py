@@ -205,7 +205,8 @@ def doctor(python: Path, env: dict, args: argparse.Namespace) -> int:
 
 def full(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Make everything anew, from the recording to the book, and compare it with data/."""
-    options = ["--seeds", args.seeds, "--out", args.out, "--device", args.device]
+    out = Path(args.out).absolute()
+    options = ["--seeds", args.seeds, "--out", out, "--device", args.device]
     return call([python, "-m", "ptae_lite.rerun.full", *options, *["--plan"] * args.plan], env)
 
 
@@ -215,9 +216,10 @@ def certify(python: Path, env: dict, args: argparse.Namespace) -> int:
     if args.check:
         return call([*command, "--check", Path(args.check).absolute()], env)
     env["PTAE_TIER"] = "replay"
-    Path("build", "chapter_times.json").unlink(missing_ok=True)  # of an earlier run
+    (ROOT / "build/chapter_times.json").unlink(missing_ok=True)  # of an earlier run
     book(python, env, args)  # what fails in it stands in the certificate
-    return call([*command, "--out", args.out, "--name", args.name], env)
+    out = Path(args.out).absolute()  # from where the reader is, as OUT of a course
+    return call([*command, "--out", out, "--name", args.name], env)
 
 
 def course(python: Path, env: dict, args: argparse.Namespace) -> int:
@@ -245,11 +247,13 @@ def parse(argv: list) -> argparse.Namespace:
             sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
         if job is certify:
             sub.add_argument("--name", default="", help="who hands it in; decides what is asked")
-            sub.add_argument("--out", default="build/certificate.json", help="file to write")
+            sub.add_argument("--out", default=ROOT / "build/certificate.json", help="file to write")
             sub.add_argument("--check", metavar="FILE", help="check a certificate, in seconds")
         if job is full:
             sub.add_argument("--seeds", type=int, default=3, help="trainings of each kind")
-            sub.add_argument("--out", default="build/full", help="folder, new or to go on with")
+            sub.add_argument(
+                "--out", default=ROOT / "build/full", help="folder, new or to go on with"
+            )
             sub.add_argument("--device", default="auto", help="cpu, cuda, or auto")
             sub.add_argument("--plan", action="store_true", help="only show what would be done")
         if job is course:

@@ -1,10 +1,13 @@
 """A study on a cluster: a scheduler here, bound to this machine alone, gives the serial rows."""
 
+import json
 import warnings
 
 import pandas as pd
 import pytest
 
+import ptae_lite.__main__ as cli
+from ptae_lite import dataset
 from ptae_lite.errors import ConfigError
 from ptae_lite.studies import supervision, tables
 from ptae_lite.studies.supervision import Job
@@ -44,6 +47,24 @@ def test_a_cluster_gives_the_rows_that_one_process_gives(cluster, few, tmp_path)
     pd.testing.assert_frame_equal(*made)
     said = [(tmp_path / n / "supervision_sentences.csv").read_text() for n in ("serial", "dask")]
     assert said[0] == said[1]
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_command_takes_the_address_of_a_cluster(cluster, few, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
+    options = ["--models", "linear", "--variants", "random", "--shares", "50", "--cluster",
+               cluster.scheduler_address, "--out", str(tmp_path), "--json"]  # fmt: skip
+    assert cli.main(["study", "supervision", *options]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] == supervision.DRAWS
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_workers_that_would_mix_two_trainings_are_refused():
+    with distributed.LocalCluster(
+        host="127.0.0.1", n_workers=1, threads_per_worker=2, dashboard_address=None,
+        worker_dashboard_address=None,
+    ) as made, pytest.raises(ConfigError, match="has 2 threads, and two .* --nthreads 1"):  # fmt: skip
+        tables.run(divmod, [(7, 2)], print, cluster=made.scheduler_address)
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -122,11 +122,25 @@ def test_where_pybullet_has_no_wheel_nothing_is_offered(root):
     assert found.state == WARNING and "no wheel" in found.says and not found.mend
 
 
+def test_the_disk_has_room_for_what_comes_next(tmp_path):
+    """The install if there is none, and runs after it."""
+    for made, needed in ((False, 6), (True, 2)):
+        if made:
+            (tmp_path / ".venv").mkdir()
+        full = doctor.check_disk(int(1e9), tmp_path)
+        assert full.state == PROBLEM and f"1.0 GB are free, {needed} are needed" in full.says
+        assert full.mend == f"{doctor.python()} -m pip cache purge"
+        assert doctor.check_disk(int(3e9), tmp_path).state == (GOOD if made else PROBLEM)
+
+
+def test_an_old_python_is_told_so_and_not_met_by_a_traceback(monkeypatch):
+    """Python 3.10 has no `hashlib.file_digest`."""
+    monkeypatch.delattr(doctor.hashlib, "file_digest", raising=False)
+    findings = doctor.examine()
+    assert findings[-1].what == "data" and findings[-1].state == GOOD
+
+
 def test_disk_memory_cores_and_browser():
-    assert doctor.check_disk(int(1e9)).state == PROBLEM
-    full = doctor.check_disk(int(1e9))
-    assert "1.0 GB are free, 2 are needed" in full.says
-    assert full.mend == f"{doctor.python()} -m pip cache purge"
     assert doctor.check_disk(int(9e9)).state == GOOD
     assert doctor.check_memory(int(2e9)).state == WARNING
     assert doctor.check_memory(int(8e9)).state == doctor.check_cores(2).state == GOOD

@@ -201,15 +201,19 @@ def test_the_doctor_installs_nothing_and_needs_no_environment(calls, root, monke
 
 
 def test_a_certificate_runs_the_chapters_as_they_are_stored(calls, monkeypatch, tmp_path):
-    tiers, times = [], tmp_path / "build" / "chapter_times.json"
-    times.parent.mkdir()
+    tiers, times = [], run.ROOT / "build" / "chapter_times.json"
+    times.parent.mkdir(exist_ok=True)
     times.write_text("{}")
-    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
     monkeypatch.setattr(run, "book", lambda python, env, args: tiers.append(env["PTAE_TIER"]) or 1)
     env = run.child_environment({"PTAE_TIER": "quick"})
     assert run.certify("py", env, run.parse(["certify", "--name", "Ada"])) == 0
     assert tiers == ["replay"] and not times.exists()  # a book that fails leaves no earlier run's
-    assert calls[0][-4:] == ["--out", "build/certificate.json", "--name", "Ada"]
+    assert calls[0][-4:] == ["--out", f"{run.ROOT}/build/certificate.json", "--name", "Ada"]
+    run.certify("py", env, run.parse(["certify", "--out", "mine.json"]))
+    assert calls.pop()[-3] == str(tmp_path / "elsewhere" / "mine.json")
+    tiers.pop()
     run.certify("py", env, run.parse(["certify", "--check", "c.json"]))
     assert calls[1][-2:] == ["--check", str(Path("c.json").absolute())] and len(tiers) == 1
 
@@ -217,7 +221,8 @@ def test_a_certificate_runs_the_chapters_as_they_are_stored(calls, monkeypatch, 
 def test_a_full_rerun_hands_its_options_on(calls):
     run.full("py", {}, run.parse(["full", "--seeds", "1", "--plan"]))
     assert calls[0][2:] == [
-        "ptae_lite.rerun.full", "--seeds", "1", "--out", "build/full", "--device", "auto", "--plan"
+        "ptae_lite.rerun.full", "--seeds", "1", "--out", f"{run.ROOT}/build/full",
+        "--device", "auto", "--plan",
     ]  # fmt: skip
 
 

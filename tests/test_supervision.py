@@ -273,11 +273,32 @@ def test_the_core_of_the_grid_is_the_grid_without_its_variants():
 def test_jobs_are_selected_by_their_fields():
     grid = supervision.grid((0,))
     few = supervision.select(grid, model=["pgae"], mode=None, share=[2.0, 66.6])
-    assert {(j.model, j.share) for j in few} == {("pgae", 2), ("pgae", 66.6)}
+    # of the iterations, 66.6 % is the regular training: all samples
+    assert {(j.model, j.share) for j in few} == {("pgae", 2), ("pgae", 66.6), ("pgae", 100)}
     assert {j.mode for j in few} == {"samples", "iterations"}
     for name, value in {"model": "gpt", "mode": "days", "variant": "half", "share": 3}.items():
         with pytest.raises(ConfigError, match=f"no {name} {value!r}; there are "):
             supervision.select(grid, **{name: [value]})
+
+
+def test_the_regular_training_is_found_by_either_of_its_names():
+    grid = supervision.grid((0,))
+    regular = [job(100, variant="paper")]
+    for mode, share in (("iterations", 66.6), ("samples", 100)):
+        assert supervision.select(grid, model=["ptae"], mode=[mode], share=[share]) == regular
+    assert len(supervision.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 2
+
+
+@pytest.mark.parametrize("chosen", [{"model": ["pvae"], "mode": ["iterations"]},
+                                    {"variant": ["balanced"], "share": [100]}])  # fmt: skip
+def test_a_choice_that_nothing_fits_is_refused(chosen):
+    with pytest.raises(ConfigError, match="no training is of .* together; leave one of them out"):
+        supervision.select(supervision.grid(), **chosen)
+
+
+def test_a_baseline_has_all_its_draws_whatever_the_seeds():
+    draws = {j.seed for j in supervision.grid((0,)) if j.model == "linear" and j.share == 10}
+    assert draws == set(range(supervision.DRAWS))
 
 
 def test_a_study_writes_a_row_for_each_training(few, trainings, tmp_path):
@@ -379,11 +400,13 @@ def test_the_command_runs_the_study(few, trainings, monkeypatch, capsys, tmp_pat
     monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
     monkeypatch.setattr(supervision, "RECIPES", {"ptae": QUICK})
     options = ["--models", "ptae", "--shares", "2", "66.6", "--modes", "iterations",
-               "--variants", "paper", "--seeds", "3", "--out", str(tmp_path), "--json"]  # fmt: skip
+               "--variants", "paper", "--seeds", "3", "--workers", "1", "--out", str(tmp_path),
+               "--json"]  # fmt: skip
     assert cli.main(["study", "supervision", *options]) == 0
-    assert trainings == [job(2, 3, mode="iterations", variant="paper")]
+    regular = job(100, 3, variant="paper")  # is 66.6 % of the iterations, too
+    assert set(trainings) == {job(2, 3, mode="iterations", variant="paper"), regular}
     made = json.loads(capsys.readouterr().out)
-    assert made["rows"] == 1 and made["table"].endswith("supervision.csv")
+    assert made["rows"] == 3 and made["table"].endswith("supervision.csv")
     assert cli.main(["study", "supervision", "--shares", "3", "--out", str(tmp_path)]) == 1
     assert "no share 3.0; there are 1, 2, 5" in capsys.readouterr().err
 

@@ -79,13 +79,13 @@ class Job(NamedTuple):
 def grid(seeds=None, core: bool = False) -> list[Job]:
     """Every job of the study, in order.
 
-    First what takes no time, then seed by seed what the figures need, then the variants; these are
-    left out of the `core`.
+    First what takes no time, with all its draws whatever the seeds; then seed by seed what the
+    figures need, then the variants, which are left out of the `core`.
     """
     found = [
         Job("linear", "samples", variant, share, seed)
         for variant in ("random", "covering") for share in SHARES["samples"][:-1]
-        for seed in seeds or range(DRAWS)
+        for seed in range(DRAWS)
     ]  # fmt: skip
     found += [Job("linear", "samples", "random", 100, 0)]  # of all labels there is one draw
 
@@ -115,18 +115,33 @@ def _once(job: Job) -> Job:
     return job._replace(mode="samples", variant="paper", share=REGULAR["samples"])
 
 
+def _names(job: Job) -> list[Job]:
+    """A job as its rows are named: the regular training has two, but of PVAE."""
+    if not job.regular or job.model in ("linear", "pvae"):
+        return [job]
+    return [job, job._replace(mode="iterations", share=REGULAR["iterations"])]
+
+
 def select(jobs: list[Job], **asked) -> list[Job]:
     """The jobs that have one of the asked values (`None`: any) in each of these fields.
 
     Raises:
-        ConfigError: no job has such a value.
+        ConfigError: no job has such a value, or none has all of them together.
     """
-    for name, values in asked.items():
-        there = sorted({getattr(job, name) for job in jobs})
+    named = [(job, name) for job in jobs for name in _names(job)]
+    for field, values in asked.items():
+        there = sorted({getattr(name, field) for _, name in named})
         for value in values or ():
             if value not in there:
-                raise ConfigError(f"no {name} {value!r}; there are {', '.join(map(str, there))}")
-    return [j for j in jobs if all(v is None or getattr(j, k) in v for k, v in asked.items())]
+                raise ConfigError(f"no {field} {value!r}; there are {', '.join(map(str, there))}")
+    found = [
+        job for job, name in named
+        if all(values is None or getattr(name, field) in values for field, values in asked.items())
+    ]  # fmt: skip
+    if not found:
+        chosen = ", ".join(f"{field} {' '.join(map(str, v))}" for field, v in asked.items() if v)
+        raise ConfigError(f"no training is of {chosen} together; leave one of them out")
+    return list(dict.fromkeys(found))
 
 
 def run_one(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "train"):
@@ -168,13 +183,13 @@ def fit(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "
     """Train the model of a job; see `run_one`."""
     recipe = replace(recipe or RECIPES[job.model], seed=job.seed)
     options = {"model": job.model, "split": split, "progress": progress}
+    if (job.mode, job.model) == ("iterations", "pvae"):
+        raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
     if job.regular:
         return train(samples, recipe, **options)
     variant = VARIANTS[job.variant]
     recipe = replace(recipe, **variant.recipe, epochs=recipe.epochs * variant.times)
     if job.mode == "iterations":
-        if job.model == "pvae":
-            raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
         recipe = replace(recipe, supervised=job.share / 100)
         return train(samples, recipe, limited=True, **options)
     return train(samples, recipe, labelled=labelled(samples, job, split), **options)

@@ -74,7 +74,8 @@ def run(work: Callable, jobs: list, keep: Callable, workers: int = 1,
             so both belong on a trusted network.
 
     Raises:
-        ConfigError: the extra `cluster` is not installed, or nothing answers at the address.
+        ConfigError: the extra `cluster` is not installed, nothing answers at the address, or a
+            worker has several threads.
     """
     if cluster is not None:
         _reach(cluster)
@@ -100,7 +101,10 @@ def _alone(work: Callable, job: tuple):
 
 
 def _reach(address: str) -> None:
-    """Refuse what no scheduler answers at."""
+    """Refuse what no scheduler answers at, and workers that do two trainings in one process.
+
+    PyTorch's draws are a process's: two trainings in it would take them from each other.
+    """
     try:
         from distributed import Client
     except ImportError:
@@ -109,9 +113,15 @@ def _reach(address: str) -> None:
             "install it with: pip install -e '.[cluster]'"
         ) from None
     try:
-        Client(address, timeout=PATIENCE_S, set_as_default=False).close()
+        with Client(address, timeout=PATIENCE_S, set_as_default=False) as client:
+            threads = max(client.nthreads().values(), default=1)
     except (OSError, ValueError) as error:
         raise ConfigError(
             f"no Dask scheduler answers at {address!r} ({error}); start one with `dask scheduler` "
             "and give its address, such as tcp://127.0.0.1:8786"
         ) from None
+    if threads > 1:
+        raise ConfigError(
+            f"a worker at {address!r} has {threads} threads, and two trainings in one process mix "
+            "their random numbers; start the workers with: dask worker --nworkers auto --nthreads 1"
+        )
