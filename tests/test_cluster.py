@@ -60,10 +60,11 @@ def test_the_command_takes_the_address_of_a_cluster(cluster, few, monkeypatch, c
 
 @pytest.mark.filterwarnings("ignore")
 def test_workers_that_would_mix_two_trainings_are_refused():
-    with distributed.LocalCluster(
+    refused = pytest.raises(ConfigError, match="has 2 threads, and two .* --nthreads 1")
+    with refused, distributed.LocalCluster(
         host="127.0.0.1", n_workers=1, threads_per_worker=2, dashboard_address=None,
         worker_dashboard_address=None,
-    ) as made, pytest.raises(ConfigError, match="has 2 threads, and two .* --nthreads 1"):  # fmt: skip
+    ) as made:  # fmt: skip
         tables.run(divmod, [(7, 2)], print, cluster=made.scheduler_address)
 
 
