@@ -18,6 +18,7 @@ from ptae_lite.rerun.checks import arrays, judge, near, pictures, table
 from ptae_lite.rerun.full import Rerun, Settings
 from ptae_lite.rerun.stages import STAGES, Stage
 from ptae_lite.rerun.view import View, duration, share_in
+from ptae_lite.studies import tables
 
 CHECK = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
 NAMES = ("results/one.csv", "results/two.csv")
@@ -165,7 +166,27 @@ def test_a_table_of_which_a_part_was_made_again_agrees_in_part(tiny, settings, c
     assert report.write(run_both(settings)) == 0
     out = capsys.readouterr().out
     assert "in part      results/one.csv: 4 of 8 rows re-made, 4 of 4 numbers within" in out
-    assert "1 of 2 files agree, 1 in part." in out
+    assert "; the other rows are the stored" in out and "1 of 2 files agree, 1 in part." in out
+
+
+def test_a_table_is_completed_in_its_own_order():
+    old = pd.DataFrame({"a": ["y", "x", "x"], "b": [None, None, "q"], "n": [1, 2, 3]})
+    rows = pd.DataFrame({"a": ["x", "z"], "b": ["q", None], "n": [30, 40]})
+    found = tables.completed(rows, old, ["a", "b"])
+    assert found["a"].tolist() == ["y", "x", "x", "z"] and found["n"].tolist() == [1, 2, 30, 40]
+
+
+def test_the_book_of_a_rerun_has_all_rows_its_own_where_it_made_them(tiny, settings):
+    def older(table):
+        return pd.concat([table.assign(accuracy=50.0), table.assign(seed=1, accuracy=60.0)])
+
+    store(settings, NAMES[0], older)
+    run_both(settings)
+    made, kept = (pd.read_csv(folder / NAMES[0]) for folder in (settings.out, settings.data))
+    stored = pd.read_csv(settings.stored / NAMES[0])
+    assert len(made) == 4 and len(kept) == len(stored) == 8
+    assert kept[kept["seed"] == 0]["accuracy"].tolist() == made["accuracy"].tolist()
+    assert (kept[kept["seed"] == 1]["accuracy"] == 60).all()
 
 
 def test_a_stored_file_that_no_stage_makes_is_named(tiny, settings, capsys):

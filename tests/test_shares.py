@@ -79,7 +79,15 @@ def test_a_point_is_the_mean_and_a_bar_reaches_to_the_worst_and_best_seed(table)
     assert curve(error, "PTAE")[0] == {2: 9, 10: 5, 66.6: 3, 100: 2}
     assert curve(accuracy, "weighted sums")[0] == {2: 20}
     assert "weighted sums" not in [c.get_label() for c in error.containers]
+    by_iterations = shares.by_share(table).axes[0]  # where the table has no sums of all labels
+    assert "weighted sums" not in [line.get_label() for line in by_iterations.lines]
     assert set(points(accuracy, "chance").values()) == {CHANCE}
+
+
+def test_by_iterations_the_sums_have_all_labels(table):
+    sums = table[(table["model"] == "linear")].head(1).assign(share=100, describe_accuracy=97.5)
+    axis = shares.by_share(pd.concat([table, sums], ignore_index=True)).axes[0]
+    assert set(points(axis, "weighted sums").values()) == {97.5}
 
 
 def test_the_papers_numbers_stand_beside_ours(table):

@@ -8,6 +8,7 @@ from ptae_lite.display import shares
 from ptae_lite.evaluation import CHANCE
 from ptae_lite.studies import recipes
 from ptae_lite.studies.supervision import SHARES
+from ptae_lite.training import RECIPES
 
 ACTION_WORD = 7.1  # execute NRMSE of the mean motion of the action word; the chapter prints it
 WORDS = ["action_accuracy", "colour_accuracy", "speed_accuracy"]
@@ -81,7 +82,8 @@ def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
              for m in ("ptae", "pgae", "pvae")}  # fmt: skip
     assert words["ptae"]["speed_accuracy"] == 100 and words["pgae"]["speed_accuracy"] < 90
     assert words["pgae"]["colour_accuracy"] < words["ptae"]["colour_accuracy"] - 15
-    assert words["pgae"].idxmin() == "colour_accuracy"
+    assert words["ptae"].idxmin() == words["pgae"].idxmin() == words["pvae"].idxmin()
+    assert words["pvae"].idxmin() == "colour_accuracy" and words["pvae"]["speed_accuracy"] < 95
     assert 3 < words["ptae"]["colour_accuracy"] - words["pvae"]["colour_accuracy"] < 8
     assert words["ptae"]["action_accuracy"] > 95 and 70 < words["pvae"]["action_accuracy"] < 80
 
@@ -90,6 +92,15 @@ def test_pgae_executes_with_two_thirds_of_the_samples_as_with_all(table):
     """The paper's text has almost 8 %, from below 0.5."""
     rows = shares.rows_of(table, "pgae", "samples").groupby("share")["execute_nrmse"].mean()
     assert rows[66.6] / rows[100] < 1.1 and 4.5 < rows[1] < 6
+    ptae = shares.rows_of(table, "ptae", "samples").groupby("share")["execute_nrmse"].mean()
+    assert 4 < ptae[1] < 6
+
+
+def test_the_updates_are_those_of_the_page(table):
+    regular = shares.rows_of(table, "ptae", "samples").query("share == 100")
+    assert (regular["steps"] == 1920).all() and RECIPES["ptae"].batch == 27
+    assert 0.01 * published.STEPS["ptae"] == 2700
+    assert {RECIPES[model].epochs for model in ("ptae", "pgae", "pvae")} == {60, 80}
 
 
 def test_pvaes_execute_hardly_notices_what_is_missing(table):

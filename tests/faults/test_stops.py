@@ -100,6 +100,28 @@ def test_a_study_that_is_stopped_keeps_its_rows(whole_table, tmp_path, how):
     pd.testing.assert_frame_equal(again.head(len(rows)), rows)
 
 
+def workers_of(process) -> list:
+    """The worker processes that a job has started."""
+    import psutil
+
+    children = psutil.Process(process.pid).children(recursive=True)
+    said = {child: " ".join(child.cmdline()) for child in children}
+    return [child for child, text in said.items() if "loky" in text and "tracker" not in text]
+
+
+def test_a_study_of_which_a_worker_is_killed(whole_table, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    process = start(*STUDY[:-2], "2", "--out", tmp_path)
+    until(process, lambda: len(workers_of(process)) == 2)
+    workers_of(process)[0].kill()
+    code, said = finish(process)
+    assert code == 1 and "study: a worker process was killed, perhaps because memory" in said, said
+    assert not (tmp_path / "family.csv").exists()
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+    assert run(*STUDY, tmp_path)[0] == 0
+    pd.testing.assert_frame_equal(table(tmp_path), whole_table)
+
+
 # ---------------------------------------------------------------- a recording
 
 
@@ -140,16 +162,10 @@ def test_a_recording_that_is_stopped_goes_on(whole_recording, tmp_path, how):
 
 def test_a_worker_that_is_killed(simulator, whole_recording, tmp_path):
     """As when memory runs out: one sentence, and the same command goes on."""
-    import psutil
-
     folder = tmp_path / "r"
     process = start("record", folder, 2)
     until(process, lambda: list(folder.glob("sequences/*.npz")))
-    workers = [
-        child for child in psutil.Process(process.pid).children(recursive=True)
-        if "loky" in " ".join(child.cmdline()) and "tracker" not in " ".join(child.cmdline())
-    ]  # fmt: skip
-    workers[0].kill()
+    workers_of(process)[0].kill()
     code, said = finish(process)
     assert code == 1 and "record: a worker process was killed, perhaps because memory" in said, said
     assert run("record", folder)[0] == 0

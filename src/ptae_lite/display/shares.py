@@ -239,6 +239,12 @@ def _draw(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> None:
         if paper:
             axis.plot(list(paper), [claim.value for claim in paper.values()], "^", color=colour,
                       fillstyle="none", label=f"{NAMES[model]} in the paper's text")  # fmt: skip
+    if mode == "iterations":  # where every sample has a label, the sums have them all
+        sums = rows_of(table, "linear", "samples")
+        sums = sums[sums["share"] == REGULAR["samples"]][column].mean()
+        if pd.notna(sums):
+            colour, dash, _ = LOOKS["linear"]
+            axis.axhline(sums, color=colour, linestyle=dash, label=NAMES["linear"])
     if column == "describe_accuracy":
         axis.axhline(CHANCE, color=style.GREY, linestyle=":", label="chance")
     reach = (0.85 * min(SHARES[mode]), max(SHARES[mode]) / 0.85)

@@ -44,9 +44,11 @@ def rows(rerun: Rerun) -> list[Row]:
             elif entry["command"] == rerun.taken:
                 row = (TAKEN, "needs PyBullet, so it was taken from data/")
             else:
-                verdict = checks.judge(name, check, made, stored)
+                folder = rerun.settings.out if check.key else made
+                verdict = checks.judge(name, check, folder, stored)
                 good = AGREES if verdict.whole else IN_PART
-                row = (good if verdict.agrees else DIFFERS, verdict.says)
+                says = verdict.says + ("" if verdict.whole else "; the other rows are the stored")
+                row = (good if verdict.agrees else DIFFERS, says)
             found.append(Row(name, *row, check.states))
     known = {row.file for row in found}
     found += [Row(name, MISSING, "no stage makes it", "") for name in there if name not in known]

@@ -11,10 +11,11 @@ from ptae_lite.evaluation import evaluate
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.studies import incongruence_table
 from ptae_lite.studies.claims import CLAIMS
-from ptae_lite.studies.readings import Claim, Tables
+from ptae_lite.studies.readings import MARGIN, Claim, Tables
 
 HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
 NOT_TESTABLE = "not testable"
+LONGER = "Eight times the updates bring it"
 VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE)
 ASKED = [  # of a run: what claims about conflicts are read from
     condition for condition in incongruence_table.ALL
@@ -49,13 +50,19 @@ def verdict(claim: Claim, tables: Tables) -> tuple[str, str]:
         return NOT_TESTABLE, claim.remark
     if not len(values):
         return NOT_TESTABLE, "These trainings are not in the table yet."
-    held, one = bool(claim.holds(values, tables)), len(values) == 1 and claim.trained
-    why = (claim.caveat if held else claim.rising or claim.remark, "One training." if one else "")
-    if held:
-        judged = CAVEAT if any(why) else HELD
-    else:
-        judged = NOT_TESTABLE if claim.rising else NOT_HELD
-    return judged, " ".join(filter(None, why))
+    one = "One training." if len(values) == 1 and claim.trained else ""
+    if claim.holds(values, tables):
+        why = " ".join(filter(None, (claim.caveat, one)))
+        return CAVEAT if why else HELD, why
+    if claim.longer is None:
+        return NOT_HELD, " ".join(filter(None, (claim.remark, one)))
+    short, long = claim.longer(tables)
+    if not len(long):
+        return NOT_TESTABLE, "It was not trained longer, and with so few labels that may matter."
+    nearer = (long - short).mean() * (1 if claim.upwards else -1)
+    if nearer > MARGIN.get(claim.unit, MARGIN["%"]):
+        return NOT_TESTABLE, f"{LONGER} {nearer:.0f} {claim.unit} nearer; more was not tried."
+    return NOT_HELD, " ".join(filter(None, (claim.remark, f"{LONGER} no nearer.", one)))
 
 
 def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:

@@ -54,6 +54,14 @@ def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None 
             rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
 
 
+def completed(rows: pd.DataFrame, old: pd.DataFrame, key: list[str]) -> pd.DataFrame:
+    """The rows of `old` in their order, but those of `rows` where they have the same key."""
+    both = pd.concat([old, rows], ignore_index=True)
+    place = pd.Series(_index(both, key).factorize()[0])
+    newest = place[~place.duplicated(keep="last")]
+    return both.loc[newest.sort_values(kind="stable").index]
+
+
 def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
     """The rows' keys; an empty text, which a file gives back as a gap, is equal to itself."""
     keys = rows[key].astype(object)
