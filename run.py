@@ -254,7 +254,7 @@ def parse(argv: list) -> argparse.Namespace:
             sub.add_argument(
                 "--out", default=ROOT / "build/full", help="folder, new or to go on with"
             )
-            sub.add_argument("--device", default="auto", help="cpu, cuda, or auto")
+            sub.add_argument("--device", default="auto", help="of the CAEs: cpu, cuda, or auto")
             sub.add_argument("--plan", action="store_true", help="only show what would be done")
         if job is course:
             sub.add_argument("out", metavar="OUT", help="a new folder")

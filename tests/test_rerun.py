@@ -320,7 +320,18 @@ def test_arrays_are_compared_by_name(tmp_path, change, agrees):
 
     folders = two(tmp_path, "a.npz", write)
     assert judge("a.npz", arrays({"joints": 0.01}), *folders).agrees is agrees
-    assert judge("a.npz", checks.SHAPES, *folders).agrees
+
+
+@pytest.mark.parametrize(("light", "agrees"), [(5, True), (-100, False)])
+def test_film_strips_are_compared_by_their_light(tmp_path, light, agrees):
+    def write(path, first):
+        noise = np.random.default_rng(first).integers(90, 110, (2, 5, 12, 16, 3))
+        np.savez(path, films=(noise + light * first).astype(np.uint8), texts=np.array(["a", "b"]))
+
+    folders = two(tmp_path, "s.npz", write)
+    assert judge("s.npz", checks.STRIPS, *folders).agrees is agrees
+    np.savez(folders[0] / "s.npz", texts=np.array(["a", "b"]))
+    assert not checks.STRIPS.compare("s.npz", *folders).agrees
 
 
 def test_each_of_several_arrays_has_to_agree(tmp_path):

@@ -225,7 +225,7 @@ def main(arguments=None, stages: tuple[Stage, ...] = STAGES) -> int:
     parser = argparse.ArgumentParser(prog="run.py full", description=__doc__.split(":")[0])
     parser.add_argument("--out", default="build/full", help="folder, new or to go on with")
     parser.add_argument("--seeds", type=whole_number(1), default=3, help="trainings of each kind")
-    parser.add_argument("--device", default="auto", help="cpu, cuda, or auto")
+    parser.add_argument("--device", default="auto", help="of the CAEs: cpu, cuda, or auto")
     parser.add_argument("--plan", action="store_true", help="only show what would be done")
     options = parser.parse_args(arguments)
 

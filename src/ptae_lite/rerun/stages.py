@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ptae_lite.rerun.checks import (
     READOUT,
     SCORES,
-    SHAPES,
+    STRIPS,
     Check,
     arrays,
     drawing,
@@ -106,7 +106,7 @@ STAGES = (
             ("model", "seed", "condition", "pattern", "variation"), {"^success$": (0, 0)}, 0.7),
         "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
-        "results/closed_loop_strips.npz": SHAPES,
+        "results/closed_loop_strips.npz": STRIPS,
         "weights/ptae_blind_seed0.safetensors": SCORES}, 5, 30, simulator=True),
     Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
