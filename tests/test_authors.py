@@ -5,6 +5,7 @@ import shutil
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
@@ -381,6 +382,16 @@ def test_train_and_evaluate_on_the_training_part(command, training_part, tmp_pat
         assert found["test_part"] == "6 held-out training patterns, not the paper's test set"
         assert found["describe_accuracy"] >= 0
     assert checkpoint.load(path).about["holdout"] == 6
+
+
+def test_the_study_of_few_labels_reads_the_folder(command, training_part, tmp_path):
+    data = ("--data", training_part, "--holdout", 6)
+    choice = ("--shares", 50, "--variants", "random", "--models", "linear", "--workers", 1)
+    made = command("study", "supervision", *data, *choice, "--out", tmp_path)
+    assert made["test_part"] == "6 held-out training patterns, not the paper's test set"
+    table = pd.read_csv(tmp_path / "supervision.csv")
+    assert len(table) == made["rows"] == 20 and set(table["data"]) == {"authors, 6 held out"}
+    assert table["describe_accuracy"].notna().all() and table["describe_accuracy"].nunique() > 1
 
 
 def test_from_the_shell_a_refusal_says_what_to_do(command, training_part, tmp_path):

@@ -90,8 +90,7 @@ def test_memory_is_that_of_the_process_at_its_largest(run):
         for n in (1, 200_000_000)
     )
     assert 0.2 < much - little < 0.5
-    with pytest.raises(SystemExit, match="failed; run it to see why"):
-        run.peak_gb([sys.executable, "-c", "1 / 0"])
+    assert run.peak_gb([sys.executable, "-c", "1 / 0"]) is None
 
 
 def test_memory_of_a_cae_is_not_measured_without_a_recording(run, monkeypatch, tmp_path):

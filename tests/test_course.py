@@ -193,6 +193,11 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     described = table.query("model == 'ptae' and variant == 'balanced'")["describe_accuracy"]
     draws = table.query("model == 'linear' and variant == 'random'")["describe_accuracy"]
     assert described[:2].round().tolist() == [25, 9] and round(draws.max() / draws.min()) == 3
+    samples = table.query("model == 'ptae' and mode == 'samples' and seed < 2")
+    paper, balanced = (samples[samples["variant"] == v] for v in ("paper", "balanced"))
+    assert paper["describe_accuracy"].round().tolist() == [30, 19]
+    often = [v["supervised_presentations"].mean() for v in (paper, balanced)]
+    assert round(often[1] / often[0]) == 25
 
     told = played("05_incongruence", 0).names
     colour = [told["language"].parse(text).colour for text in told["said"]]

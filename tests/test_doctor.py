@@ -122,8 +122,10 @@ def test_where_pybullet_has_no_wheel_nothing_is_offered(root):
     assert found.state == WARNING and "no wheel" in found.says and not found.mend
 
 
-def test_the_disk_has_room_for_what_comes_next(tmp_path):
+def test_the_disk_has_room_for_what_comes_next(tmp_path, monkeypatch):
     """The install if there is none, and runs after it."""
+    assert doctor.check_disk(int(3e9), tmp_path).state == GOOD  # as on a hub: torch is there
+    monkeypatch.setattr(doctor, "installed", lambda package: None)
     for made, needed in ((False, 6), (True, 2)):
         if made:
             (tmp_path / ".venv").mkdir()
@@ -136,7 +138,9 @@ def test_the_disk_has_room_for_what_comes_next(tmp_path):
 def test_an_old_python_is_told_so_and_not_met_by_a_traceback(monkeypatch):
     """Python 3.10 has no `hashlib.file_digest`."""
     monkeypatch.delattr(doctor.hashlib, "file_digest", raising=False)
+    monkeypatch.setattr(doctor, "MINIMUM", (99, 0))
     findings = doctor.examine()
+    assert findings[0].state == PROBLEM and "is older than 99.0" in findings[0].says
     assert findings[-1].what == "data" and findings[-1].state == GOOD
 
 

@@ -69,11 +69,13 @@ def test_the_sentence_beside_a_verdict_belongs_to_it():
 
 @pytest.mark.parametrize(
     ("short", "long", "upwards", "verdict"),
-    [([9, 8], [9, 8], True, (NOT_HELD, "for that Eight times the updates bring it no nearer.")),
+    [([9, 8], [9, 8], True, (NOT_HELD, "for that 8 times the updates bring it hardly nearer.")),
      ([9, 8], [12, 13], True,
-      (NOT_TESTABLE, "Eight times the updates bring it 4 % nearer; more was not tried.")),
+      (NOT_TESTABLE, "8 times the updates bring it 4 % nearer; more was not tried.")),
      ([9, 8], [12, 13], False,
-      (NOT_HELD, "for that Eight times the updates bring it no nearer.")),
+      (NOT_HELD, "for that 8 times the updates bring it hardly nearer.")),
+     ([9, 8], [99, 98], True,
+      (NOT_TESTABLE, "8 times the updates bring it there, in the trainings that are as long.")),
      ([], [], True,
       (NOT_TESTABLE, "It was not trained longer, and with so few labels that may matter."))],
 )  # fmt: skip

@@ -92,12 +92,20 @@ def test_eyes_are_taken_from_where_their_study_leaves_them():
 
 
 def test_a_file_that_lies_elsewhere_is_kept_under_its_stored_name(tiny, settings):
-    lies = {NAMES[0]: "results/other.csv"}
-    other = Stage("one", "tiny make {out}/results/other.csv", {NAMES[0]: CHECK}, lies=lies)
-    Rerun(settings, (other,)).go(io.StringIO())
+    lies, check = {NAMES[0]: "results/other.csv"}, checks.texts(("row",), "model", 1)
+    other = Stage("one", "tiny make {out}/results/other.csv", {NAMES[0]: check}, lies=lies)
+    again = Rerun(settings, (other,))
+    again.go(io.StringIO())
     made = settings.out / "results/other.csv"
     assert made.read_bytes() == (settings.data / NAMES[0]).read_bytes()
     assert [state for _, state in Rerun(settings, (other,)).plan()] == ["done"]
+    assert report.rows(again)[0].verdict == report.AGREES
+
+
+def test_a_made_table_that_was_changed_later_is_made_again(tiny, settings):
+    Rerun(settings, (stage("one"),)).go(io.StringIO())
+    (settings.out / NAMES[0]).write_text("model\n")
+    assert [state for _, state in Rerun(settings, (stage("one"),)).plan()] == ["to do"]
 
 
 def test_a_run_makes_everything_once_and_says_what_agreed(tiny, settings, capsys):

@@ -209,7 +209,8 @@ def new_scenes(samples: Samples, split: str = "test") -> Bool[np.ndarray, " M"]:
 def references(samples: Samples, scaling: Scaling, split: str = "test") -> dict[str, tuple]:
     """What NRMSE (paper's, valid) someone gets who knows little: the scale to read ours by.
 
-    The means are of the training clips that agree in what is known. The last one knows all that
+    The means are of the training clips that agree in what is known, or, where there is none, in as
+    much of it, from its first word on, as any do. The last one knows all that
     can be known before the motion begins: the true places of the cubes and the sentence. It makes
     the motion planner's plan without its chances (our recording alone; no places in the authors').
     """

@@ -7,6 +7,7 @@ is stopped with all that it started.
 import json
 import os
 import signal
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
 
@@ -104,9 +105,13 @@ def workers_of(process) -> list:
     """The worker processes that a job has started."""
     import psutil
 
-    children = psutil.Process(process.pid).children(recursive=True)
-    said = {child: " ".join(child.cmdline()) for child in children}
-    return [child for child, text in said.items() if "loky" in text and "tracker" not in text]
+    found = []
+    for child in psutil.Process(process.pid).children(recursive=True):
+        with suppress(psutil.NoSuchProcess):  # it has just ended
+            said = " ".join(child.cmdline())
+            if "loky" in said and "tracker" not in said:
+                found.append(child)
+    return found
 
 
 def test_a_study_of_which_a_worker_is_killed(whole_table, tmp_path):

@@ -173,7 +173,8 @@ def _ask_pybullet() -> str:
 
 def check_disk(free_bytes: int | None = None, root: Path = ROOT) -> Finding:
     free = (shutil.disk_usage(root).free if free_bytes is None else free_bytes) / 1e9
-    needed = FREE_GB if (root / ".venv").exists() else INSTALL_GB
+    there = (root / ".venv").exists() or installed("torch")  # a hub has its own
+    needed = FREE_GB if there else INSTALL_GB
     if free < needed:
         says = f"{free:.1f} GB are free, {needed} are needed; your runs lie in {root / 'build'}"
         return Finding("disk", PROBLEM, says, f"{python()} -m pip cache purge")

@@ -19,8 +19,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
-
 from ptae_lite import artefacts, devices
 from ptae_lite.console import guarded, refuse_data, whole_number
 from ptae_lite.errors import PTAEError
@@ -108,7 +106,8 @@ class Rerun:
 
     def _files(self, stage: Stage) -> list[str]:
         """What a stage leaves in the run's folder, and what stands for it in the run's data."""
-        return [*stage.leaves, *(f"data/{name}" for name in stage.makes)]
+        own = [name for name, check in stage.makes.items() if check.key]  # as it is judged
+        return [*stage.leaves, *own, *(f"data/{name}" for name in stage.makes)]
 
     def _hashes(self, files) -> dict[str, str]:
         return {name: _sha256(self.settings.out / name) for name in files}
@@ -184,7 +183,7 @@ class Rerun:
             stored = self.settings.stored / name
             with whole(kept) as beside:
                 if check.key and stored.exists():  # chapters ask for rows that a re-run lacks
-                    both = (pd.read_csv(path) for path in (made, stored))
+                    both = (tables.read(path, list(check.key)) for path in (made, stored))
                     tables.completed(*both, list(check.key)).to_csv(beside, index=False)
                 else:
                     shutil.copyfile(made, beside)

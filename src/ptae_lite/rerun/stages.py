@@ -33,7 +33,7 @@ class Stage(NamedTuple):
     seed_minutes: float = 0.0  # more for each seed
     simulator: bool = False  # needs PyBullet, or images that only a recording has
     leaves: tuple[str, ...] = ()  # files below {out} that are not stored
-    lies: dict[str, str] = {}  # where below {out} it leaves a stored file that has another name
+    lies: dict[str, str] = {}  # where below {out} it leaves a file, but no table, of another name
 
     def estimate(self, seeds: int) -> float:
         """Minutes that it takes with so many seeds."""

@@ -12,10 +12,11 @@ from ptae_lite.models.checkpoint import Trained
 from ptae_lite.studies import incongruence_table
 from ptae_lite.studies.claims import CLAIMS
 from ptae_lite.studies.readings import MARGIN, Claim, Tables
+from ptae_lite.studies.supervision import VARIANTS
 
 HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
 NOT_TESTABLE = "not testable"
-LONGER = "Eight times the updates bring it"
+LONGER = f"{VARIANTS['long'].times} times the updates bring it"
 VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE)
 ASKED = [  # of a run: what claims about conflicts are read from
     condition for condition in incongruence_table.ALL
@@ -59,10 +60,12 @@ def verdict(claim: Claim, tables: Tables) -> tuple[str, str]:
     short, long = claim.longer(tables)
     if not len(long):
         return NOT_TESTABLE, "It was not trained longer, and with so few labels that may matter."
+    if claim.holds(np.asarray(long), tables):
+        return NOT_TESTABLE, f"{LONGER} there, in the trainings that are as long."
     nearer = (long - short).mean() * (1 if claim.upwards else -1)
     if nearer > MARGIN.get(claim.unit, MARGIN["%"]):
         return NOT_TESTABLE, f"{LONGER} {nearer:.0f} {claim.unit} nearer; more was not tried."
-    return NOT_HELD, " ".join(filter(None, (claim.remark, f"{LONGER} no nearer.", one)))
+    return NOT_HELD, " ".join(filter(None, (claim.remark, f"{LONGER} hardly nearer.", one)))
 
 
 def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:

@@ -111,7 +111,8 @@ def _alone(work: Callable, job: tuple):
 def _reach(address: str) -> None:
     """Refuse what no scheduler answers at, and workers that do two trainings in one process.
 
-    PyTorch's draws are a process's: two trainings in it would take them from each other.
+    PyTorch's draws are a process's: two trainings in it would take them from each other. Workers
+    that join later are not seen.
     """
     try:
         from distributed import Client
@@ -131,5 +132,5 @@ def _reach(address: str) -> None:
     if threads > 1:
         raise ConfigError(
             f"a worker at {address!r} has {threads} threads, and two trainings in one process mix "
-            "their random numbers; start the workers with: dask worker --nworkers auto --nthreads 1"
+            "their random numbers; start the workers with: dask worker --nworkers -1 --nthreads 1"
         )
