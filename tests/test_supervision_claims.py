@@ -125,11 +125,20 @@ def test_what_a_longer_training_makes_of_few_iterations(table):
     assert (shares.rows_of(table, "ptae", "iterations")["execute_nrmse"] > 1.6).all()
 
 
-def test_a_longer_training_does_not_help_seven_labelled_clips(table):
-    balanced, long = (by_seed(table, v)[1, 0] for v in ("balanced", "long"))
-    assert (round(balanced), long) == (6, 0)
-    shown = [by_seed(table, v, "supervised_presentations")[1, 0] for v in ("balanced", "long")]
-    assert 5.5 < shown[0] / shown[1] < 6.5
+def test_what_a_longer_training_makes_of_few_samples(table):
+    """No better sentences from seven clips, and hardly from thirteen; better motions from both."""
+    for model, gain in (("ptae", 4), ("pgae", -6)):
+        short, long = (by_seed(table, v, model=model) for v in ("paper", "long"))
+        assert set(long.index) == {(1, 0), (2, 0)}
+        assert long[1, 0] == 0 and short[1, 0] < 8
+        assert round(long[2, 0] - short[2, 0]) == gain
+        short, long = (by_seed(table, v, "execute_nrmse", model) for v in ("paper", "long"))
+        for share in (1, 2):
+            assert long[share, 0] < 0.7 * short[share, 0]
+        if model == "pgae":
+            assert (long / short)[[1, 2]].dropna().round(1).tolist() == [0.5, 0.4]
+    errors = {m: by_seed(table, "long", "execute_nrmse", m) for m in ("ptae", "pgae")}
+    assert (errors["pgae"] < errors["ptae"]).all()
 
 
 def test_pgae_gains_less_from_a_longer_training(table):
@@ -146,9 +155,13 @@ def test_pgae_gains_less_from_a_longer_training(table):
         model: shares.rows_of(table, model, "samples").set_index(["share", "seed"])["execute_nrmse"]
         for model in ("ptae", "pgae")
     }
-    gain = {m: regular[m][100, 0] - rows["execute_nrmse"][m, "long"] for m in regular}
-    assert 0 < gain["pgae"] < gain["ptae"]
-    assert rows["execute_nrmse"]["pgae", "long"] > rows["execute_nrmse"]["ptae", "long"]
+    long = table[(table["mode"] == "iterations") & (table["variant"] == "long")]
+    long = long.pivot(index="share", columns="model", values="execute_nrmse")
+    assert list(long.index) == [1, 2] and (long["pgae"] > long["ptae"]).all()
+    assert all((regular[m][100, 0] > long[m]).all() for m in regular)
+    few = table[(table["model"] == "pgae") & (table["mode"] == "iterations")]
+    few = few[(few["share"] == 2) & (few["seed"] == 0)].set_index("variant")["describe_accuracy"]
+    assert abs(few["long"] - few["paper"]) < 2
 
 
 def test_the_repeat_signals_notice_nothing(ptae):
@@ -251,12 +264,19 @@ def test_a_sentence_beside_its_own_scene_teaches(table):
     assert change("execute_nrmse").abs().max() < 0.1
 
 
-def test_how_often_a_label_is_shown_makes_no_difference_with_a_tenth(table):
-    balanced, paper = (by_seed(table, variant)[10] for variant in ("balanced", "paper"))
-    assert (balanced - paper).abs().max() < 6 and abs((balanced - paper).mean()) < 3
-    shown = by_seed(table, "paper", "supervised_presentations")[10]
-    most = by_seed(table, "balanced", "supervised_presentations")[10]
-    assert (shown / most).between(0.19, 0.21).all()
+def test_showing_labels_more_often_helps_where_there_are_many(table, linear):
+    balanced, paper = (by_seed(table, variant) for variant in ("balanced", "paper"))
+    paper = paper.drop(100, level="share")
+    assert set(paper.index) == set(balanced.index) and len(paper) == 21
+    gain = paper - balanced
+    assert (gain[5] > 0).all() and (gain[1] > 0).sum() == (gain[2] > 0).sum() == 2
+    assert (gain[[20, 50, 66.6]] < 0).all() and gain[[20, 50, 66.6]].min() > -8
+    assert abs(gain[10].mean()) < 2
+    sums = linear[linear["variant"] == "random"].set_index(["share", "seed"])["describe_accuracy"]
+    ahead = paper - sums.reindex(paper.index)
+    assert (ahead[[1, 2]] > 0).all() and (ahead[[5, 20]] < 0).all()
+    few = [v[[1, 2, 5, 10, 20]].groupby("share").mean() for v in (paper, balanced)]
+    assert all(mean.is_monotonic_increasing for mean in few)
 
 
 def test_one_recipe_is_ahead_with_both_seeds_and_by_little():
