@@ -264,7 +264,7 @@ def test_a_sentence_beside_its_own_scene_teaches(table):
     assert change("execute_nrmse").abs().max() < 0.1
 
 
-def test_showing_labels_more_often_helps_where_there_are_many(table, linear):
+def test_showing_few_labels_more_often_does_not_help(table, linear):
     balanced, paper = (by_seed(table, variant) for variant in ("balanced", "paper"))
     paper = paper.drop(100, level="share")
     assert set(paper.index) == set(balanced.index) and len(paper) == 21
@@ -272,6 +272,10 @@ def test_showing_labels_more_often_helps_where_there_are_many(table, linear):
     assert (gain[5] > 0).all() and (gain[1] > 0).sum() == (gain[2] > 0).sum() == 2
     assert (gain[[20, 50, 66.6]] < 0).all() and gain[[20, 50, 66.6]].min() > -8
     assert abs(gain[10].mean()) < 2
+    shown = [by_seed(table, v, "supervised_presentations") for v in ("paper", "balanced")]
+    often = (shown[0] / shown[1]).dropna()
+    assert (often[[1, 2, 5, 10, 20]] < 0.5).all() and (often[50] == 1).all()
+    assert (often[66.6] > 1.2).all()
     sums = linear[linear["variant"] == "random"].set_index(["share", "seed"])["describe_accuracy"]
     ahead = paper - sums.reindex(paper.index)
     assert (ahead[[1, 2]] > 0).all() and (ahead[[5, 20]] < 0).all()
