@@ -146,6 +146,11 @@ def test_a_false_clip_is_worse_than_none(regular):
     blank = execute[execute["conflict_in"] == "blank"]["value"]
     three = execute[(execute["conflict_in"] == "action") & (execute["conflicts"] == 3)]["value"]
     assert blank.max() < three.min()
+    rows = regular[(regular["signal"] == "execute") & (regular["conflict_in"] == "action")]
+    none = regular[(regular["signal"] == "execute") & (regular["conflict_in"] == "blank")]["nrmse"]
+    false_speed = rows["aspects"].str.contains("speed")
+    assert none.max() < rows[false_speed]["nrmse"].min()
+    assert rows[~false_speed]["nrmse"].max() < none.min()
 
 
 def test_words_follow_and_motions_break(regular):

@@ -145,7 +145,12 @@ def add_options(study: argparse.ArgumentParser) -> None:
     study.add_argument("--core", action="store_true",
                        help="supervision: only what the figures of chapter 04 need")  # fmt: skip
     study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
-    study.add_argument("--seeds", type=whole_number(0), nargs="+", help="one training for each")
+    study.add_argument(
+        "--seeds",
+        type=whole_number(0),
+        nargs="+",
+        help="one training for each; the weighted sums have their own draws",
+    )
     study.add_argument("--workers", type=whole_number(1), default=joblib.cpu_count(),
                        help="trainings side by side (default: one a core)")  # fmt: skip
     study.add_argument("--cluster", metavar="ADDRESS",

@@ -24,7 +24,7 @@ from ptae_lite.evaluation import evaluate, linear_describe_accuracy
 from ptae_lite.models import checkpoint
 from ptae_lite.studies import episodes as kept_episodes
 
-SAMPLES = "recording/samples.npz"
+OTHER_SHAPES = "its arrays have other names or shapes"
 
 
 class Comparison(NamedTuple):
@@ -82,6 +82,10 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
         return {name: file[name] for name in file.files}
 
 
+def _shapes(arrays: dict[str, np.ndarray]) -> dict[str, tuple]:
+    return {name: array.shape for name, array in arrays.items()}
+
+
 def table(key: tuple, within: dict[str, tuple[float, float]], share: float = 0.95) -> Check:
     """A CSV table: rows with the same `key`, the mean over the seeds that both tables have.
 
@@ -123,8 +127,8 @@ def arrays(within: dict[str, float], share: float = 0.99) -> Check:
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (_arrays(folder / name) for folder in (remade, stored))
-        if {n: a.shape for n, a in made.items()} != {n: a.shape for n, a in was.items()}:
-            return Comparison(False, "its arrays have other names or shapes")
+        if _shapes(made) != _shapes(was):
+            return Comparison(False, OTHER_SHAPES)
         for other in was.keys() - within.keys():
             if not np.array_equal(made[other], was[other]):
                 return Comparison(False, f"{other} is not the same")
@@ -153,8 +157,8 @@ def texts(key: tuple, column: str, share: float) -> Check:
 
 def _strips(name: str, remade: Path, stored: Path) -> Comparison:
     made, was = (_arrays(folder / name) for folder in (remade, stored))
-    if {n: a.shape for n, a in made.items()} != {n: a.shape for n, a in was.items()}:
-        return Comparison(False, "its arrays have other names or shapes")
+    if _shapes(made) != _shapes(was):
+        return Comparison(False, OTHER_SHAPES)
     films = [n for n, a in was.items() if a.dtype == np.uint8]
     light = {n: tuple(a[n].mean((-3, -2)) for a in (made, was)) for n in films}  # of pictures
     return near(light, dict.fromkeys(films, (10, 0)), 0.9)

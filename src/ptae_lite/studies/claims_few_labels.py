@@ -18,6 +18,7 @@ from ptae_lite.studies.readings import (
     plateau,
     with_labels,
 )
+from ptae_lite.studies.supervision import REGULAR
 
 FEW = "04_limited_supervision"
 CURVES, ANCESTORS = "The paper's figures", "PTAE and its ancestors"
@@ -36,8 +37,7 @@ def _with_few_labels() -> list[Claim]:
     found = []
     for (model, column, mode), by_share in published.BY_SHARE.items():
         for share, claim in by_share.items():
-            regular = share == (100 if mode == "samples" else 66.6)
-            if regular and model == "ptae":
+            if share == REGULAR[mode] and model == "ptae":
                 continue  # the same as in the first group
             task = column.split("_")[0]
             long = mode == "iterations" and share <= TINY  # what is shown of it is the long one

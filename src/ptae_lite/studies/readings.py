@@ -18,6 +18,7 @@ import pandas as pd
 from ptae_lite import published
 from ptae_lite.studies import eyes_table, family, incongruence_table
 from ptae_lite.studies.incongruence import ANSWERS_WORDS, EXTRA_INPUT
+from ptae_lite.studies.supervision import REGULAR
 
 TINY = 2  # percent: with so few labels a longer training is asked, too
 MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours may be so much worse than a number and keep to it
@@ -130,7 +131,7 @@ def with_labels(model: str, column: str, mode: str, share: float, variant: str |
         if rows.empty:
             return pd.Series(dtype=float)
         same = (rows["model"] == model) & (rows["mode"] == mode) & (rows["share"] == share)
-        regular = rows["share"] == (100 if mode == "samples" else 66.6)
+        regular = rows["share"] == REGULAR[mode]
         same &= regular | (rows["variant"] == (variant or chosen))
         return rows[same].set_index("seed")[column]
 

@@ -165,9 +165,8 @@ def run_one(samples: Samples, job: Job, recipe: Recipe | None = None, split: str
     row |= {name: trained.about[name] for name in ("supervised_presentations", "steps")}
     row |= {"seconds": seconds, "versions": versions}
     rows, said = pd.DataFrame([row]), examples(trained, samples).assign(**{k: row[k] for k in KEY})
-    if job.regular and job.model != "pvae":
-        other = {"mode": "iterations", "share": REGULAR["iterations"]}
-        rows, said = (pd.concat([t, t.assign(**other)]) for t in (rows, said))
+    named = [{"mode": name.mode, "share": float(name.share)} for name in _names(job)]
+    rows, said = (pd.concat([t.assign(**one) for one in named]) for t in (rows, said))
     return rows[KEY + [c for c in rows if c not in KEY]], said
 
 
