@@ -146,7 +146,7 @@ def write(data):
         (data / "another eye").write_bytes(eye)
         np.savez(data / "recording/samples.npz", **(arrays or recorded()))
         dataset.write_features(
-            data / "recording/features.npz", [np.ones((features, 30))], data / "another eye"
+            data / "recording/features.npz", np.ones((features, 30)), data / "another eye"
         )
         for name in ("recording/samples.npz", "recording/features.npz", EYE_FILE):
             artefacts.register(name, command=COMMAND, seed=0, minutes=0, data=data)

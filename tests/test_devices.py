@@ -8,6 +8,7 @@ import torch
 
 from ptae_lite import devices, training, vision
 from ptae_lite.errors import ConfigError
+from ptae_lite.studies import eyes
 from ptae_lite.training import Recipe
 
 gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
@@ -67,14 +68,19 @@ def test_a_gpu_trains_the_same_eye(images, kind):
 
 
 @gpu
-def test_on_a_gpu_too_a_branch_leaves_the_long_training_as_it_was(images):
+def test_on_a_gpu_too_a_branch_leaves_the_long_training_as_it_was(images, tmp_path):
     long = vision.EyeTraining(vision.make_eye("plain"), SMALL, "cuda")
     long.go(images, 32)
     before = copy.deepcopy(long.eye.state_dict())
     branch = copy.deepcopy(long)
     branch.go(images, 40, 40)
+    eyes.keep(long, tmp_path / "trunk.safetensors", 1.0)
+    again = vision.EyeTraining(vision.make_eye("plain"), SMALL, "cuda")
+    eyes.restore(again, tmp_path / "trunk.safetensors")
+    again.go(images, 40, 40)
     alone = vision.make_eye("plain")
     vision.train_eye(alone, images, SMALL, device="cuda")
     for name, value in alone.state_dict().items():
-        torch.testing.assert_close(branch.eye.state_dict()[name].cpu(), value, atol=1e-2, rtol=0)
+        for other in (branch, again):
+            torch.testing.assert_close(other.eye.state_dict()[name].cpu(), value, atol=1e-2, rtol=0)
         assert torch.equal(long.eye.state_dict()[name], before[name])

@@ -12,6 +12,7 @@ import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, dataset, frames, readout, vision
 from ptae_lite.errors import ConfigError, RecordingError
 from ptae_lite.language import COLOURS, pattern
+from ptae_lite.robot import recorder
 from ptae_lite.studies import eye_scores, eyes, eyes_ptae
 
 STEPS = {"separated 3x10": (0, 10, 20), "plain 10": (0, 10)}  # presentations, two a step
@@ -166,9 +167,9 @@ def study(seen, monkeypatch, tmp_path):
     monkeypatch.setattr(frames, "training_images", lambda folder: images)
     monkeypatch.setattr(eye_scores, "look", lambda folder, samples: looks)
     monkeypatch.setattr(eyes, "PCAS", {"PCA 10": ("pca", 10)})
-    monkeypatch.setattr(eyes, "samples_in_order", lambda: [(0, 0), (1, 0)])
-    clip = type("Clip", (), {"images": images[:3]})
-    monkeypatch.setattr(eyes, "load_sequence", lambda folder, *sample: clip)
+    monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, 0), (1, 0)])
+    clip = type("Clip", (), {"images": np.resize(images, (100, 120, 160, 3))})
+    monkeypatch.setattr(recorder, "load_sequence", lambda folder, *sample: clip)
     both = eye_scores.READERS
     monkeypatch.setattr(
         eye_scores, "scores", lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both}
@@ -262,8 +263,8 @@ def work(seen, tmp_path):
         folder.mkdir(parents=True)
         (folder / "eye.bin").write_bytes(f"{name}{seed}".encode())
         width = 3 + seed
-        parts = [np.full((t, width), t / 100) for t in seen.frames]
-        dataset.write_features(folder / "features.npz", parts, folder / "eye.bin")
+        codes = np.repeat(seen.frames[:, None] / 100, seen.frames, axis=0) * np.ones(width)
+        dataset.write_features(folder / "features.npz", codes, folder / "eye.bin")
     return tmp_path / "eyes"
 
 

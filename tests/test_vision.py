@@ -1,7 +1,10 @@
 """The eye: layers, separation of the channels, training and storing."""
 
 import copy
+import mmap
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ from torch import nn
 
 from ptae_lite import artefacts, vision
 from ptae_lite.errors import ArtefactError, ConfigError
+from ptae_lite.robot import recorder
 
 
 def parameters(module):
@@ -241,3 +245,23 @@ def test_an_eye_whose_weights_do_not_fit_its_sizes_is_refused(tmp_path):
     artefacts.save_weights(path, tensors, about | {"code": 12})
     with pytest.raises(ArtefactError, match="do not fit the sizes written in it"):
         vision.load_eye(path)
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from Linux")
+def test_a_recording_is_seen_in_little_memory(monkeypatch):
+    """A PCA makes images of floats at once: each sequence once kept 23 MB beside its features."""
+
+    def load_sequence(folder, index, variation):
+        return SimpleNamespace(images=np.full((100, 120, 160, 3), variation, np.uint8))
+
+    monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, v) for v in range(40)])
+    monkeypatch.setattr(recorder, "load_sequence", load_sequence)
+    eye, before = vision.make_eye("pca", 10), pages()
+    codes = vision.encode_recording(eye, "none")
+    assert codes.shape == (4000, 10)
+    assert (pages() - before) * mmap.PAGESIZE < 0.4e9
+
+
+def pages() -> int:
+    """Of memory that this process has."""
+    return int(Path("/proc/self/statm").read_text().split()[1])

@@ -10,6 +10,7 @@ import json
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -50,7 +51,7 @@ def do_record(options) -> dict:
 def do_features(options) -> dict:
     from ptae_lite import artefacts, vision
     from ptae_lite.dataset import write_features
-    from ptae_lite.robot.recorder import check_ours, load_sequence, samples_in_order
+    from ptae_lite.robot.recorder import check_ours
 
     eye_file = Path(options.eye) if options.eye else artefacts.stored("weights/cae.safetensors")
     eye = vision.load_eye(eye_file)
@@ -58,12 +59,10 @@ def do_features(options) -> dict:
     torch.set_num_threads(options.threads)
     path = Path(options.data) / "features.npz"
     with alone(options.data):
-        parts = [
-            vision.encode_images(eye, load_sequence(options.data, *sample).images)
-            for sample in bar(samples_in_order(), desc="features", unit=" samples")
-        ]
-        write_features(path, parts, eye_file)
-    return {"features": str(path), "frames": sum(len(part) for part in parts)}
+        progress = partial(bar, desc="features", unit=" samples")
+        codes = vision.encode_recording(eye, options.data, progress)
+        write_features(path, codes, eye_file)
+    return {"features": str(path), "frames": len(codes)}
 
 
 def do_train(options) -> dict:

@@ -233,11 +233,10 @@ def _pad(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
     return padded
 
 
-def write_features(path, features: list[np.ndarray], eye_file) -> None:
-    """Store features (an array for each sample, in order) with the hash of the CAE behind them.
+def write_features(path, features: np.ndarray, eye_file) -> None:
+    """Store features (M, F) of all frames, sample after sample, with the hash of their CAE.
 
     Half precision: it changes no feature by more than 0.05 % and halves the file.
     """
     eye = hashlib.sha256(Path(eye_file).read_bytes()).hexdigest()
-    rows = np.concatenate(features).astype(np.float16)
-    write_arrays(path, features=rows, eye=np.array(eye))
+    write_arrays(path, features=features.astype(np.float16), eye=np.array(eye))

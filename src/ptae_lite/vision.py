@@ -193,7 +193,10 @@ class EyeTraining:
                 layer.reset_parameters()
         self.eye = eye.to(device, memory_format=torch.channels_last).train()
         self.recipe, self.device, self.step = recipe, device, 0
-        self.optimiser = torch.optim.Adam(eye.parameters(), lr=recipe.learning_rate)
+        gpu, rate = torch.device(device).type == "cuda", recipe.learning_rate
+        if gpu:  # a replayed step reads the rate where it lies
+            rate = torch.tensor(rate, device=device)
+        self.optimiser = torch.optim.Adam(eye.parameters(), lr=rate, capturable=gpu)
 
     def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
            progress=lambda steps: steps) -> list[float]:  # fmt: skip
@@ -201,20 +204,30 @@ class EyeTraining:
 
         Without `steps` the training is a long one, whose rate does not fall yet.
         """
-        losses = []
+        losses, update = [], devices.Replayed(partial(self._update, value=value))
         for step in progress(range(self.step, until)):
             rng = np.random.default_rng([self.recipe.seed, step])
             some = images[rng.integers(0, len(images), self.recipe.batch)]
-            x = as_input(some, self.device)
-            for group in self.optimiser.param_groups:
-                group["lr"] = self.recipe.learning_rate * rate_share(step, steps)
-            loss = PixelCrossEntropy.apply(self.eye.logits(x), x, value)
-            self.optimiser.zero_grad()
-            loss.backward()
-            self.optimiser.step()
+            self._set_rate(self.recipe.learning_rate * rate_share(step, steps))
+            loss = update(as_input(some, self.device))
             losses.append(loss.item() if value else 0.0)
             self.step = step + 1
         return losses
+
+    def _update(self, x, value: bool):
+        """One step on a batch; its loss."""
+        loss = PixelCrossEntropy.apply(self.eye.logits(x), x, value)
+        self.optimiser.zero_grad()
+        loss.backward()
+        self.optimiser.step()
+        return loss
+
+    def _set_rate(self, rate: float) -> None:
+        for group in self.optimiser.param_groups:
+            if torch.is_tensor(group["lr"]):
+                group["lr"].fill_(rate)
+            else:
+                group["lr"] = rate
 
 
 def train_eye(
@@ -242,6 +255,26 @@ def encode_images(
     """Features of images."""
     parts = [eye.encode(as_input(images[i : i + batch])) for i in range(0, len(images), batch)]
     return torch.cat(parts).numpy()
+
+
+def encode_recording(
+    eye: nn.Module, folder, progress=lambda samples: samples
+) -> Float[np.ndarray, "M F"]:
+    """Features of every frame of a recording, sample after sample.
+
+    They go into one array: small ones of their own, made while images come and go, would keep the
+    memory around them from being used again (20 GB by the end).
+    """
+    from ptae_lite.language import pattern
+    from ptae_lite.robot.recorder import load_sequence, samples_in_order
+
+    samples = samples_in_order()
+    ends = np.cumsum([pattern(index).frames for index, _ in samples])
+    size = encode_images(eye, np.zeros((1, 120, 160, 3), np.uint8)).shape[1]
+    codes = np.empty((ends[-1], size), np.float32)
+    for sample, part in zip(progress(samples), np.split(codes, ends[:-1]), strict=True):
+        part[:] = encode_images(eye, load_sequence(folder, *sample).images)
+    return codes
 
 
 def save_eye(path, eye: nn.Module, recipe: EyeRecipe | None = None) -> None:

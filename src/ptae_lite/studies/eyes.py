@@ -18,11 +18,10 @@ import pandas as pd
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from ptae_lite import artefacts, dataset, frames, pca, vision
+from ptae_lite import artefacts, dataset, devices, frames, pca, vision
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.files import write_arrays
-from ptae_lite.robot.recorder import load_sequence, samples_in_order
 from ptae_lite.studies import eye_scores, tables
 
 CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
@@ -74,11 +73,8 @@ class Bench:
 
     def write_features(self, name: str, seed: int, weights: Path) -> Path:
         """Features of all recorded frames by the eye in `weights`."""
-        eye, path = vision.load_eye(weights), self.place(name, seed) / "features.npz"
-        codes = [
-            vision.encode_images(eye, load_sequence(self.recording, *sample).images)
-            for sample in samples_in_order()
-        ]
+        path = self.place(name, seed) / "features.npz"
+        codes = vision.encode_recording(vision.load_eye(weights), self.recording)
         dataset.write_features(path, codes, weights)
         return path
 
@@ -98,7 +94,7 @@ def run_pca(bench: Bench, name: str) -> None:
     vision.save_eye(weights, eye)
     bench.write_features(name, 0, weights)
     bench.write(eye, {"eye": name, "code": code, "seed": 0, "presentations": len(some),
-                      "gflop": np.nan, "seconds": round(seconds, 1)})  # fmt: skip
+                      "gflop": np.nan, "seconds": round(seconds, 1), "device": "cpu"})  # fmt: skip
 
 
 def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"):
@@ -122,13 +118,13 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
                 f"{name}, seed {seed}, has been trained past {presentations} presentations; "
                 f"delete {trunk} to begin again"
             )
-        begun = time.process_time()
+        begun = devices.clock(device)
         training.go(bench.images, turn, value=False)
-        spent += time.process_time() - begun
+        spent += devices.clock(device) - begun
         keep(training, trunk, spent)
-        branch, begun = copy.deepcopy(training), time.process_time()
+        branch, begun = copy.deepcopy(training), devices.clock(device)
         branch.go(bench.images, steps, steps, value=False)
-        seconds = spent + time.process_time() - begun
+        seconds = spent + devices.clock(device) - begun
         branch.eye.to("cpu").eval()
         if steps:
             whole = replace(recipe, steps=steps)
@@ -136,6 +132,7 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
         bench.write(branch.eye, {
             "eye": name, "code": code, "seed": seed, "presentations": presentations,
             "gflop": round(presentations * gflop, 1), "seconds": round(seconds, 1),
+            "device": device,
         })  # fmt: skip
 
 
