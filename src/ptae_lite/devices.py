@@ -6,6 +6,7 @@ Scores may differ in their last digits, no more.
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 
 import torch
@@ -46,7 +47,7 @@ class Replayed:
     """A function of one tensor, of the same shape at each call; on a GPU, recorded and replayed.
 
     A small network asks for hundreds of short computations a step, and to launch them one by one
-    takes a GPU ten times as long as to do them. What is returned is overwritten by the next call.
+    takes longer than to do them. What is returned is overwritten by the next call.
     """
 
     def __init__(self, function: Callable[[Tensor], Tensor]):
@@ -70,7 +71,8 @@ class Replayed:
         """Call it on another stream, as a recording that follows needs it."""
         stream, here = torch.cuda.Stream(), torch.cuda.current_stream()
         stream.wait_stream(here)
-        with torch.cuda.stream(stream):
+        with torch.cuda.stream(stream), warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that it is not recorded
             result = self.function(x)
         here.wait_stream(stream)
         return result

@@ -191,11 +191,12 @@ class EyeTraining:
         for layer in eye.modules():
             if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
                 layer.reset_parameters()
-        self.eye = eye.to(device, memory_format=torch.channels_last).train()
         self.recipe, self.device, self.step = recipe, device, 0
         gpu, rate = torch.device(device).type == "cuda", recipe.learning_rate
         if gpu:  # a replayed step reads the rate where it lies
             rate = torch.tensor(rate, device=device)
+        self.layout = torch.contiguous_format if gpu else torch.channels_last  # the faster there
+        self.eye = eye.to(device, memory_format=self.layout).train()
         self.optimiser = torch.optim.Adam(eye.parameters(), lr=rate, capturable=gpu)
 
     def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
@@ -209,7 +210,8 @@ class EyeTraining:
             rng = np.random.default_rng([self.recipe.seed, step])
             some = images[rng.integers(0, len(images), self.recipe.batch)]
             self._set_rate(self.recipe.learning_rate * rate_share(step, steps))
-            loss = update(as_input(some, self.device))
+            x = as_input(some, self.device).contiguous(memory_format=self.layout)
+            loss = update(x)
             losses.append(loss.item() if value else 0.0)
             self.step = step + 1
         return losses
@@ -220,7 +222,7 @@ class EyeTraining:
         self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()
-        return loss
+        return loss.detach()
 
     def _set_rate(self, rate: float) -> None:
         for group in self.optimiser.param_groups:

@@ -187,5 +187,5 @@ class PVAE(nn.Module):
         if code.log_variance is None:
             return code.mean
         spread = self.config.noise * (code.log_variance / 2).exp()
-        chance = torch.randn(code.mean.shape)  # on the CPU: a seed draws the same on any device
+        chance = torch.randn(code.mean.shape, device="cpu")  # where a seed draws the same anywhere
         return code.mean + spread * chance.to(code.mean)
