@@ -175,8 +175,8 @@ def study(seen, monkeypatch, tmp_path):
         eye_scores, "scores", lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both}
     )
 
-    def run(seeds=(0,), checkpoints=STEPS, work="work"):
-        return eyes.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints)
+    def run(seeds=(0,), checkpoints=STEPS, work="work", **more):
+        return eyes.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints, **more)
 
     run.folder = tmp_path
     return run
@@ -236,6 +236,20 @@ def test_drawings_are_of_each_eye_at_its_longest(study):
     np.testing.assert_allclose(found / 255, expected.permute(0, 2, 3, 1), atol=0.002)
     splits = {pattern(key[0]).split for key in eye_scores.DRAWN}
     assert splits == {"test"}
+
+
+def test_a_long_study_goes_on_twice_as_far_and_draws_the_same(study):
+    regular = study()
+    drawn = (study.folder / "eyes_drawings.npz").read_bytes()
+    table = study(long=True)
+    assert (study.folder / "eyes_drawings.npz").read_bytes() == drawn
+    again = table.merge(regular[eyes.KEY])
+    pd.testing.assert_frame_equal(again, regular)
+    new = table.merge(regular[eyes.KEY], how="left", indicator=True).query("_merge == 'left_only'")
+    made = {name: own["presentations"].tolist() for name, own in new.groupby("eye")}
+    assert made == {"separated 3x10": [40, 40], "plain 10": [20, 20]}  # two splits of each
+    folder = study.folder / "work" / eyes.folder_of("separated 3x10", 0)
+    assert eyes.features_are_of(folder / "features.npz", folder / "eye_40.safetensors")
 
 
 def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
@@ -332,7 +346,7 @@ def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path
 
 @pytest.mark.parametrize(
     ("name", "module", "given", "more"),
-    [("eyes", eyes, ["of R", "R", "T", "W", [0, 2]], {"device": "cpu"}),
+    [("eyes", eyes, ["of R", "R", "T", "W", [0, 2]], {"device": "cpu", "long": False}),
      ("eyes-ptae", eyes_ptae, ["stored", "T", "W", [0, 2]], {})],
 )  # fmt: skip
 def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, module, given, more):

@@ -16,8 +16,9 @@ def rows_of(*lengths, eye="plain 10", seeds=(0,)):
 
 def test_what_hardly_changes_when_doubled_has_levelled_off():
     table = rows_of((0, 1, 9, 0, 0), (100, 0.10, 3.0, 80, 60), (200, 0.095, 2.8, 82, 58))
-    level = eyes_table.levelled(table)
-    assert level["plain 10"].to_dict() == {0: False, 100: False, 200: True}
+    assert eyes_table.levelled(table)["plain 10"].to_dict() == {200: True}
+    changed = eyes_table.changes(table).loc["plain 10", 200]
+    assert changed.round(6).tolist() == [-5, -6.666667, 2, -2]
 
 
 @pytest.mark.parametrize(
@@ -38,13 +39,15 @@ def test_the_mean_over_seeds_counts_and_only_seeds_that_both_have():
     assert eyes_table.levelled(both)["plain 10", 200]
     short = rows_of((100, 0.1, 3, 20, 60), seeds=(2,))
     assert eyes_table.levelled(pd.concat([both, short]))["plain 10", 200]
+    alone = rows_of((200, 0.1, 3, 80, 60), seeds=(7,))
+    assert eyes_table.changes(pd.concat([short, alone])).empty
 
 
 def test_a_length_is_held_against_the_nearest_one_of_half_or_less():
     table = rows_of((50, 0.3, 3, 80, 60), (100, 0.2, 3, 80, 60), (150, 0.1, 3, 80, 60),
                     (201, 0.19, 3, 80, 60))  # fmt: skip
     assert eyes_table.levelled(table)["plain 10"].to_dict() == {
-        50: False, 100: False, 150: False, 201: True
+        100: False, 150: False, 201: True
     }  # fmt: skip
 
 

@@ -58,7 +58,7 @@ def test_what_is_described_wrongly_is_most_of_all_what_has_no_twin(rows):
 def test_the_published_pgae_has_500_times_as_many_updates():
     table = pd.read_csv(artefacts.stored("results/family.csv"))
     theirs = table[(table["data"] != "recording") & (table["variant"] == "PGAE")]
-    assert 500 < published.STEPS["pgae"] / theirs["steps"].item() < 600
+    assert 500 < published.STEPS["pgae"] / theirs["steps"].max() < 600
 
 
 def test_what_is_taken_away_costs_what_the_page_says(rows):
@@ -132,13 +132,22 @@ def test_on_the_authors_data_pgae_knows_scenes_by_heart():
     """Where a twin of the other speed was in training it describes worse than in a new scene."""
     table = pd.read_csv(artefacts.stored("results/family.csv"))
     theirs = table[table["data"] != "recording"].set_index("variant")
-    assert set(theirs["data"]) == {"authors, 18 held out"} and (theirs["seed"] == 0).all()
+    assert set(theirs["data"]) == {"authors, 18 held out"}
+    assert (theirs.groupby("variant")["seed"].nunique() == 3).all()
     describe = theirs[["describe_accuracy_known_scenes", "describe_accuracy_new_scenes"]]
     assert (describe.loc[["PTAE", "PVAE"]] == 100).all(axis=None)
-    known, new = describe.loc["PGAE"]
-    assert 23 < known < 30 and new > 90
-    own = table[table["data"] == "recording"].groupby("variant")["execute_nrmse"].median()
-    assert (theirs["execute_nrmse"] / own)[["PTAE", "PVAE"]].between(0.45, 0.55).all()
+    known, new = (describe.loc["PGAE", column] for column in describe)
+    assert (new >= 90).all() and (known < 50).all() and 23 < known.median() < 30
+    errors = table.groupby(["data", "variant"])["execute_nrmse"].median()
+    halves = errors["authors, 18 held out"] / errors["recording"]
+    assert halves[["PTAE", "PVAE"]].between(0.45, 0.55).all()
+
+
+def test_on_the_authors_data_pgae_gains_little_in_the_last_two_thirds_of_its_training():
+    curves = pd.read_csv(artefacts.stored("results/family_curves.csv"))
+    own = curves[(curves["data"] != "recording") & (curves["variant"] == "PGAE")]
+    mean = own.groupby("epoch")["describe_accuracy"].mean()
+    assert round(mean[60] - mean[20]) == 7 and mean.index.max() == 60
 
 
 def test_what_little_knowledge_gives_is_another_scale_on_each_data_set():

@@ -50,6 +50,7 @@ def _eyes(options) -> dict:
     table = eyes.study(
         dataset.load_unseen(options.recording), options.recording, options.out, options.eyes,
         options.seeds or (0, 1, 2), workers=options.workers, device=options.device,
+        long=options.long,
         progress=lambda results, total: bar(results, total=total, desc="eyes"),
     )  # fmt: skip
     return {"table": str(Path(options.out) / "eyes.csv"), "rows": len(table)}
@@ -162,6 +163,8 @@ def add_options(study: argparse.ArgumentParser) -> None:
     study.add_argument("--recording", default=RECORDING, help="eyes: a recording's folder")
     study.add_argument("--device", default="cpu",
                        help="eyes: where CAEs are trained, cpu or a GPU such as cuda")  # fmt: skip
+    study.add_argument("--long", action="store_true",
+                       help="eyes: train the CAEs twice as far, for hours on a CPU")  # fmt: skip
     study.add_argument("--eyes", default="build/eyes",
                        help="eyes: folder of the CAEs and their features")  # fmt: skip
     study.add_argument(

@@ -33,6 +33,7 @@ CHECKPOINTS = {
     "plain 10": (0, 64_000, 128_000, 166_960, 333_920),
     "plain 30": (0, 64_000, 166_960, 333_920),
 }
+LONGER = 2  # times the last of them, with `long`: hours on a CPU
 KEY = ["eye", "seed", "presentations", "split"]
 PCA_EVERY = 8  # of the training images: 2,066 of them
 
@@ -164,7 +165,7 @@ def restore(training: vision.EyeTraining, path: Path) -> float:
 
 
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
-          workers: int = 1, device: str = "cpu",
+          workers: int = 1, device: str = "cpu", long: bool = False,
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
     """Run what is missing in `eyes.csv`: the PCAs, then every CAE of a seed before the next seed.
 
@@ -175,13 +176,15 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
         workers: eyes side by side.
         device: where CAEs are trained; what they are worth is measured on the CPU.
+        long: train each CAE `LONGER` times as far; what is drawn stays that of `checkpoints`.
     """
-    checkpoints, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
+    drawn, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
+    checkpoints = {name: (*own, LONGER * max(own)) if long else own for name, own in drawn.items()}
     jobs = [(name, 0) for name in PCAS if name not in set(bench.rows()["eye"])]
     jobs += [(name, seed) for seed in seeds for name in checkpoints]
     todo = [(bench, name, seed, checkpoints.get(name), device) for name, seed in jobs]
     tables.run(run_one, todo, lambda _: None, workers, progress)
-    write_drawings(bench, seeds[0], checkpoints)
+    write_drawings(bench, seeds[0], drawn)
     return bench.rows()
 
 

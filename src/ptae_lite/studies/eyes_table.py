@@ -50,12 +50,12 @@ def summary(rows: pd.DataFrame, measures: Mapping[str, tuple[str, int]]) -> pd.D
 ERRORS, COLOURS = ("pixel_error", "first_place_mm"), ("first_both", "last_both")
 
 
-def levelled(rows: pd.DataFrame) -> pd.Series:
-    """Which lengths have levelled off: a table by eye and presentations, on held-out patterns.
+def changes(rows: pd.DataFrame) -> pd.DataFrame:
+    """What the last doubling changed, by eye and presentations, on held-out patterns.
 
-    The rule, for the mean over the seeds that both have: against the nearest training of half the
-    length or less, the error of the drawing and that of the places of first frames changed by less
-    than a tenth, and both colours of first frames and of last ones by less than three points.
+    Against the nearest training of half the length or less, for the mean over the seeds that both
+    have: errors of the drawing and of the places of first frames in percent, both colours of first
+    frames and of last ones in points. Lengths without a shorter one beside them are left out.
     """
     measures, found = [*ERRORS, *COLOURS], {}
     own = rows[(rows["split"] == "held_out") & rows["eye"].isin(eyes.CAES)]
@@ -63,11 +63,20 @@ def levelled(rows: pd.DataFrame) -> pd.Series:
         of = {n: run.set_index("seed")[measures] for n, run in runs.groupby("presentations")}
         for presentations, now in of.items():
             shorter = [n for n in of if 0 < n <= presentations / 2]
-            if not shorter:
-                found[eye, presentations] = False
-                continue
-            before = of[max(shorter)]
-            change, size = (now - before).mean().abs(), before.mean()
-            calm = (change[[*ERRORS]] < 0.1 * size[[*ERRORS]]).all()
-            found[eye, presentations] = bool(calm and (change[[*COLOURS]] < 3).all())
-    return pd.Series(found)
+            both = now.index.intersection(of[max(shorter)].index) if shorter else now.index[:0]
+            if len(both):
+                before = of[max(shorter)].loc[both].mean()
+                moved = now.loc[both].mean() - before
+                moved[[*ERRORS]] *= 100 / before[[*ERRORS]]
+                found[eye, presentations] = moved
+    lengths = pd.MultiIndex.from_tuples(found, names=["eye", "presentations"])
+    return pd.DataFrame(list(found.values()), lengths, measures)
+
+
+def levelled(rows: pd.DataFrame) -> pd.Series:
+    """Which of the lengths in `changes` have levelled off.
+
+    The rule: both errors changed by less than a tenth, both colours by less than three points.
+    """
+    size = changes(rows).abs()
+    return (size[[*ERRORS]] < 10).all(axis=1) & (size[[*COLOURS]] < 3).all(axis=1)
