@@ -1,15 +1,25 @@
 """The same models, computed faster: what training uses. The other modules are the ones to read.
 
 Nothing here changes what is computed, and a test holds each form equal to the readable one, values
-and gradients. The way to the code is in `fast_crossmodal`.
+and gradients. (With dropout, equal frames are dropped alike here, each for itself there.)
 
-Recurrent layers take up to 100 steps. Clips are sorted by length, and a step computes only those
-that are not over. Autograd would add up the gradient of each weight matrix once a step; here the
-steps are kept, and one product at the end does it.
+The way to the code, `encode`:
+
+- Attention asks few questions of many frames. So the key map is applied to the questions, not to
+  the frames (q . W x = W^T q . x), and the value map to the mixed frames. The key bias adds the
+  same to all frames, and softmax does not see it.
+- A first frame that stands still for the whole clip is one key, and so is the padding. A key that
+  is there n times has log n added to its score.
+- Frames that ask are not computed beyond the end of their clip.
+
+Recurrent layers, `act` and `summarise`, take up to 100 steps. Clips are sorted by length, and a
+step computes only those that are not over. Autograd would add up the gradient of each weight matrix
+once a step; here the steps are kept, and one product at the end does it.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -18,9 +28,81 @@ from torch import Tensor, nn
 from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
+from ptae_lite.models.crossmodal import Attention, CrossmodalTransformer, TwoWay
 from ptae_lite.models.decoders import ActionDecoder
 from ptae_lite.models.recurrent import PeepholeCell, RecurrentEncoder
 from ptae_lite.signals import Batch
+
+
+def encode(encoder: CrossmodalTransformer | TwoWay, words_in, batch: Batch):
+    """The code (B, H) that `encoder` makes of a batch when language asks, or both do; no clock."""
+    if isinstance(encoder, TwoWay):
+        asked = _words_ask(encoder.words_ask, words_in, batch)
+        return (asked + _frames_ask(encoder.frames_ask, words_in, batch)) / 2
+    return _words_ask(encoder, words_in, batch)
+
+
+def _frames_ask(encoder: CrossmodalTransformer, words_in, batch: Batch):
+    """Clips of one length go together, without their padding: by the readable form."""
+    words = words_in(batch.tokens, batch.token_mask).to(batch.keys.dtype)
+    codes, groups = [], []
+    for count in batch.frames.unique().tolist():
+        groups.append((batch.frames == count).nonzero()[:, 0])
+        keys = batch.keys[groups[-1], :count]
+        inside = torch.ones_like(keys[..., 0], dtype=torch.bool)
+        mask = batch.token_mask[groups[-1]]
+        codes.append(encoder(words[groups[-1]], mask, keys, inside)[0])
+    return torch.cat(codes)[torch.cat(groups).argsort()]
+
+
+def _words_ask(encoder: CrossmodalTransformer, words_in, batch: Batch) -> Float[Tensor, "B H"]:
+    """Samples with as many tokens and as many different keys go through together; what works on
+    tokens one by one takes all of them at once.
+    """
+    still = (batch.keys[:, 1:] == batch.keys[:, :1]).all(2)
+    still |= torch.arange(1, batch.keys.shape[1]) >= batch.frames[:, None]
+    keys = torch.where(still.all(1), 1, batch.frames)
+    kinds = torch.stack([keys, batch.token_mask.sum(1)], dim=1)
+    groups = [(kinds == kind).all(1).nonzero()[:, 0] for kind in kinds.unique(dim=0)]
+    asked, found = [], []
+    for group in groups:
+        tokens = batch.tokens[group, : int(kinds[group[0], 1])]
+        words = words_in(tokens, torch.ones_like(tokens, dtype=torch.bool)).to(batch.keys.dtype)
+        x = encoder.embed(encoder.embed_token, words, True)
+        frames, times = _distinct(batch, group, int(keys[group[0]]))
+        embedded = encoder.embed(encoder.embed_frame, frames, False)
+        found.append(_attend(encoder.attention, x, embedded, times))
+        asked.append(x.flatten(0, 1))
+    rows = encoder.finish(torch.cat(asked), encoder.attention.output(torch.cat(found)))
+    parts = rows.split([len(x) for x in asked])
+    codes = [x.unflatten(0, (len(g), -1)).mean(1) for x, g in zip(parts, groups, strict=True)]
+    return torch.cat(codes)[torch.cat(groups).argsort()]
+
+
+def _distinct(batch: Batch, group, count: int):
+    """Keys of a group without their repetitions, and the logarithm of how often each is there."""
+    total, frames = batch.keys.shape[1], batch.frames[group]
+    keys = batch.keys[group, :count]
+    if count == total:
+        return keys, None
+    padding = keys.new_zeros(len(group), 1, keys.shape[2])
+    times = keys.new_ones(len(group), count + 1)
+    times[:, 0], times[:, -1] = frames - count + 1, total - frames
+    return torch.cat([keys, padding], dim=1), times.log()
+
+
+def _attend(attention: Attention, query: Float[Tensor, "B N H"], keys, times):
+    """What `attention` mixes for each token, before its output map, tokens in rows (B x N, H)."""
+    heads, width = attention.heads, query.shape[-1]
+    by_head = (heads, width // heads, width)
+    asked = attention.query(query).unflatten(-1, by_head[:2])  # B N heads d
+    asked = torch.einsum("bnhd,hdk->bhnk", asked, attention.key.weight.view(by_head))
+    scores = asked.flatten(1, 2) @ keys.transpose(1, 2) / math.sqrt(by_head[1])
+    if times is not None:
+        scores = scores + times[:, None]
+    mixed = (torch.softmax(scores, dim=-1) @ keys).unflatten(1, (heads, -1))
+    mixed = torch.einsum("bhnk,hdk->bnhd", mixed, attention.value.weight.view(by_head))
+    return (mixed.flatten(-2) + attention.value.bias).flatten(0, 1)
 
 
 class Packed(NamedTuple):

@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import signal_index
-from ptae_lite.models import encoders, fast, fast_crossmodal
+from ptae_lite.models import encoders, fast
 from ptae_lite.models.common import Answer, class_weights, losses
 from ptae_lite.models.crossmodal import CrossmodalTransformer, TwoWay
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
@@ -124,7 +124,7 @@ class PTAE(nn.Module):
         """What `forward` answers, but for the attention, and computed only where it counts."""
         batch = self._shown(batch)
         if self.config.plain:
-            code = fast_crossmodal.encode(self.encoder, self.words_in, batch)
+            code = fast.encode(self.encoder, self.words_in, batch)
         else:
             code = self.encode(batch)[0]
         joints = fast.act(self.action, code, batch)
