@@ -211,6 +211,15 @@ def test_a_pvae_is_moved_by_chance_in_training_alone(make_model, mixed):
     assert torch.equal(model(mixed).joints, model(mixed).joints)
 
 
+def test_a_seed_moves_a_pvae_alike_wherever_it_is_trained(make_model):
+    model, code, drawn = make_model("pvae"), Code(torch.zeros(2, 4), torch.zeros(2, 4)), []
+    for device in ("cpu", "meta"):  # a training sets its device for all that a model makes itself
+        torch.manual_seed(1)
+        with torch.device(device):
+            drawn.append(model.draw(code))
+    assert torch.equal(*drawn) and drawn[0].abs().min() > 0
+
+
 def test_a_prae_knows_no_chance(make_model, mixed):
     model = make_model("prae")
     assert torch.equal(*(torch.stack(model.costs(mixed)) for _ in range(2)))
