@@ -164,7 +164,7 @@ def add_options(study: argparse.ArgumentParser) -> None:
     study.add_argument("--device", default="cpu",
                        help="eyes: where CAEs are trained, cpu or a GPU such as cuda")  # fmt: skip
     study.add_argument("--long", action="store_true",
-                       help="eyes: train the CAEs twice as far, for hours on a CPU")  # fmt: skip
+                       help="eyes: train the CAEs much further, for hours on a CPU")  # fmt: skip
     study.add_argument("--eyes", default="build/eyes",
                        help="eyes: folder of the CAEs and their features")  # fmt: skip
     study.add_argument(
