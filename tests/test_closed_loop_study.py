@@ -11,7 +11,7 @@ from ptae_lite import artefacts, dataset, vision
 from ptae_lite.errors import ConfigError
 from ptae_lite.models import PTAEConfig, checkpoint
 from ptae_lite.studies import closed_loop as study
-from ptae_lite.studies import episodes
+from ptae_lite.studies import episodes, family
 from ptae_lite.training import Recipe, train
 
 TINY = {"hidden": 16, "heads": 2, "feed_forward": 32, "decoder_units": 12, "dropout": 0.0}
@@ -32,6 +32,16 @@ def quick(monkeypatch):
     monkeypatch.setattr(study, "RECIPES", {"ptae": Recipe(epochs=1, batch=6)})
     monkeypatch.setattr(study, "PTAEConfig", lambda **choices: PTAEConfig(**TINY | choices))
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 4)
+
+
+def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_place(tmp_path):
+    for model, variant in study.OF_FAMILY.items():
+        assert family.VARIANTS[variant] == ("ptae", study.MODELS[model], {})
+        found = study.weights_of(tmp_path, model, 2)
+        assert found == family.weights_of(tmp_path, variant, 2)
+    assert found.name == "ptae_first_frame_only_seed2.safetensors"
+    own = study.weights_of(tmp_path, "open eyes", 0).name
+    assert own == "ptae_open_eyes_seed0.safetensors"
 
 
 def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded, tmp_path):

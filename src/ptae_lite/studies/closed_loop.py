@@ -26,7 +26,7 @@ from ptae_lite.robot import closed_loop
 from ptae_lite.robot.closed_loop import Episode, Verdict
 from ptae_lite.robot.scene import pybullet
 from ptae_lite.signals import STEPS, Source
-from ptae_lite.studies import tables
+from ptae_lite.studies import family, tables
 from ptae_lite.studies.told import CONDITIONS, Task, tasks_of, told_in
 from ptae_lite.training import RECIPES, train
 
@@ -41,6 +41,7 @@ MODELS: dict[str, dict] = {
     "noise": LOOP,  # on the features of the film
     "aggregated": LOOP,
 }
+OF_FAMILY = {"ptae": "PTAE", "first frame": "PTAE, first frame only"}  # the same trainings
 NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
 FILMS = 2  # noisy ones for each sample
 FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
@@ -163,9 +164,8 @@ def make(samples: Samples, model: str, seed: int, split: str = "train",
 
 
 def weights_of(folder, model: str, seed: int) -> Path:
-    """Where a model of this study lies."""
-    name = "ptae" if model == "ptae" else f"ptae_{model.replace(' ', '_')}"
-    return Path(folder) / f"{name}_seed{seed}.safetensors"
+    """Where a model of this study lies; one that the family has, too, where that leaves it."""
+    return family.weights_of(folder, OF_FAMILY.get(model, f"PTAE, {model}"), seed)
 
 
 def make_one(samples: Samples, folder, model: str, seed: int) -> None:

@@ -119,9 +119,14 @@ def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = N
             scored[f"describe_accuracy_{name}_scenes"] = 100 * float(part.mean())
     row |= {name: round(value, 3) for name, value in scored.items()}
     if weights is not None:
-        name = variant.lower().replace(", ", "_").replace(" ", "_")
-        checkpoint.save(Path(weights) / f"{name}_seed{seed}.safetensors", trained)
+        checkpoint.save(weights_of(weights, variant, seed), trained)
     return row, pd.DataFrame(points).assign(data=row["data"])
+
+
+def weights_of(folder, variant: str, seed: int) -> Path:
+    """Where a model of this study lies."""
+    name = variant.lower().replace(", ", "_").replace(" ", "_")
+    return Path(folder) / f"{name}_seed{seed}.safetensors"
 
 
 def study(samples: Samples, folder, variants=tuple(VARIANTS), seeds=(0, 1, 2), weights=None,
