@@ -13,6 +13,7 @@ from docutils import nodes
 from sphinx import addnodes
 from sphinx.util import logging
 
+from ptae_lite import artefacts
 from ptae_lite.display import viewer
 
 logger = logging.getLogger(__name__)
@@ -68,6 +69,10 @@ html_theme_options = {
     "show_toc_level": 2,
     "navbar_persistent": [],  # its search field stands in the sidebar already
 }
+if artefacts.DATA != artefacts.ROOT / "data":  # of a full re-run
+    html_theme_options["announcement"] = (
+        "Built from a re-run. Its report.md says which numbers it made; the others are the stored."
+    )
 html_context = {"default_mode": "auto"}  # light or dark as the reader's system is
 html_show_sphinx = False
 

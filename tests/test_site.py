@@ -1,7 +1,10 @@
 """The built site as files: no dead link, nothing from elsewhere, texts for pictures, small."""
 
 import ast
+import os
 import re
+import subprocess
+import sys
 from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
@@ -208,3 +211,12 @@ def test_every_reference_of_a_page_is_in_the_bibliography():
     for path in BOOK.glob("*.md"):
         for label in re.findall(r"\{ref\}`[^`]*<(\w+)>`", path.read_text("utf-8")):
             assert label in known, (path.name, label)
+
+
+def test_the_book_of_a_re_run_says_so_on_each_page(tmp_path):
+    code = "import runpy, sys; print(runpy.run_path(sys.argv[1])['html_theme_options'])"
+    for data, says in ((None, False), (tmp_path, True)):
+        env = os.environ | ({"PTAE_DATA": str(data)} if data else {})
+        made = subprocess.run([sys.executable, "-c", code, BOOK / "conf.py"], env=env,
+                              capture_output=True, text=True, check=True)  # fmt: skip
+        assert ("Built from a re-run" in made.stdout) is says
