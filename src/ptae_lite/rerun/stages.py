@@ -66,7 +66,7 @@ STAGES = (
         "results/eyes_drawings.npz": arrays(dict.fromkeys((*CAES, *PCAS), 10), 0.85),
         "weights/cae.safetensors": drawing(0.25),
         "weights/plain_cae.safetensors": drawing(0.25)},
-        2, 24, simulator=True, lies=EYES),  # three equal jobs
+        3, 15, simulator=True, lies=EYES),  # three jobs of some length
     Stage("features", "ptae_lite features --data {out}/recording "
           "--eye {out}/eyes/separated_3x10_seed0/eye_128000.safetensors",
           {"recording/features.npz": READOUT}, 1, simulator=True),
@@ -107,7 +107,7 @@ STAGES = (
         "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
-        "weights/ptae_blind_seed0.safetensors": SCORES}, 5, 30, simulator=True),
+        "weights/ptae_blind_seed0.safetensors": SCORES}, 5, 28, simulator=True),
     Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip
