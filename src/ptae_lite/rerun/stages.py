@@ -59,14 +59,14 @@ STAGES = (
     Stage("recording", "ptae_lite record --out {out}/recording", {
         "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
         "recording/frames.zip": pictures(2)}, 4, simulator=True),
-    Stage("eyes", "ptae_lite study eyes --workers 3 --recording {out}/recording "
+    Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
           "--eyes {out}/eyes --seeds {seeds} --device {device} "
           "--out {out}/results", {
         "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
         "results/eyes_drawings.npz": arrays(dict.fromkeys((*CAES, *PCAS), 10), 0.85),
         "weights/cae.safetensors": drawing(0.25),
         "weights/plain_cae.safetensors": drawing(0.25)},
-        3, 15, simulator=True, lies=EYES),  # three jobs of some length
+        3, 15, simulator=True, lies=EYES),
     Stage("features", "ptae_lite features --data {out}/recording "
           "--eye {out}/eyes/separated_3x10_seed0/eye_128000.safetensors",
           {"recording/features.npz": READOUT}, 1, simulator=True),
