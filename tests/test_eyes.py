@@ -167,6 +167,7 @@ def study(seen, monkeypatch, tmp_path):
     monkeypatch.setattr(frames, "training_images", lambda folder: images)
     monkeypatch.setattr(eye_scores, "look", lambda folder, samples: looks)
     monkeypatch.setattr(eyes, "PCAS", {"PCA 10": ("pca", 10)})
+    monkeypatch.setattr(eyes, "EQUAL_COMPUTE", {"separated 3x10": 10, "plain 10": 10})
     monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, 0), (1, 0)])
     clip = type("Clip", (), {"images": np.resize(images, (100, 120, 160, 3))})
     monkeypatch.setattr(recorder, "load_sequence", lambda folder, *sample: clip)
@@ -208,10 +209,10 @@ def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
     assert (long["gflop"] == (long["presentations"] * 0.245878272).round(1)).all()
     for name, seed, last in (("separated 3x10", 1, 20), ("plain 10", 0, 10)):
         folder = study.folder / "work" / eyes.folder_of(name, seed)
-        weights = folder / f"eye_{last}.safetensors"
-        assert eyes.features_are_of(folder / "features.npz", weights)
-        about = artefacts.load_weights(weights)[1]
+        about = artefacts.load_weights(folder / f"eye_{last}.safetensors")[1]
         assert about["recipe"] == vars(vision.EyeRecipe(steps=last // 2, seed=seed))
+        assert [path.name for path in folder.glob("features*")] == ["features_10.npz"]
+        assert eyes.features_are_of(folder / "features_10.npz", folder / "eye_10.safetensors")
 
 
 def test_a_row_is_what_a_training_of_that_length_gives(study):
@@ -250,7 +251,10 @@ def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     made = {name: own["presentations"].tolist() for name, own in new.groupby("eye")}
     assert made == {"separated 3x10": [40, 40], "plain 10": [20, 20, 30, 30]}  # two splits of each
     folder = study.folder / "work" / eyes.folder_of("separated 3x10", 0)
-    assert eyes.features_are_of(folder / "features.npz", folder / "eye_40.safetensors")
+    assert {path.name for path in folder.glob("features*")} == {
+        "features_10.npz", "features_40.npz"
+    }  # fmt: skip
+    assert eyes.features_are_of(folder / "features_40.npz", folder / "eye_40.safetensors")
 
 
 def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
@@ -270,21 +274,24 @@ def test_a_checkpoint_that_has_been_passed_is_refused(study):
         study((0,), {"separated 3x10": (0, 12)})
 
 
+LENGTHS = (("plain 10", 0, 40), ("plain 10", 1, 40), ("plain 10", 1, 160), ("PCA 30", 0, 8))
+
+
 @pytest.fixture
 def work(seen, tmp_path):
-    """Features of two eyes, one without chance."""
-    for name, seed in (("plain 10", 0), ("plain 10", 1), ("PCA 30", 0)):
+    """Features of two eyes, one without chance, and one seed of the other longer trained."""
+    for name, seed, length in LENGTHS:
         folder = tmp_path / "eyes" / eyes.folder_of(name, seed)
-        folder.mkdir(parents=True)
+        folder.mkdir(parents=True, exist_ok=True)
         (folder / "eye.bin").write_bytes(f"{name}{seed}".encode())
         width = 3 + seed
         codes = np.repeat(seen.frames[:, None] / 100, seen.frames, axis=0) * np.ones(width)
-        dataset.write_features(folder / "features.npz", codes, folder / "eye.bin")
+        dataset.write_features(folder / f"features_{length}.npz", codes, folder / "eye.bin")
     return tmp_path / "eyes"
 
 
 def test_samples_are_seen_by_another_eye(seen, work):
-    other = dataset.with_features(seen, work / "plain_10_seed1" / "features.npz")
+    other = dataset.with_features(seen, work / "plain_10_seed1" / "features_40.npz")
     assert other.features.shape == (864, 100, 4) and other.eye != seen.eye
     np.testing.assert_allclose(other.features[0, :, 0], 1)
     np.testing.assert_allclose(other.features[863, :50, 3], 0.5)
@@ -293,7 +300,7 @@ def test_samples_are_seen_by_another_eye(seen, work):
 
 
 def test_features_of_another_recording_are_refused(few, work, tmp_path):
-    path = work / "PCA_30_seed0" / "features.npz"
+    path = work / "PCA_30_seed0" / "features_8.npz"
     with pytest.raises(RecordingError, match="does not hold features of 2700 frames"):
         dataset.with_features(few, path)
     np.savez(tmp_path / "x.npz", other=np.zeros(2700))
@@ -303,8 +310,9 @@ def test_features_of_another_recording_are_refused(few, work, tmp_path):
 
 
 def test_every_eye_gets_a_ptae_of_each_seed_where_it_has_features(work):
-    jobs = [job[:2] for job in eyes_ptae.jobs_in(work, (0, 1, 2))]
-    assert jobs == [("plain 10", 0), ("PCA 30", 0), ("plain 10", 1), ("PCA 30", 1), ("PCA 30", 2)]
+    jobs = [job[:3] for job in eyes_ptae.jobs_in(work, (0, 1, 2))]
+    assert jobs == [("plain 10", 0, 40), ("PCA 30", 0, 8), ("plain 10", 1, 40),
+                    ("plain 10", 1, 160), ("PCA 30", 1, 8), ("PCA 30", 2, 8)]  # fmt: skip
 
 
 def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monkeypatch):
@@ -319,25 +327,32 @@ def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monke
 
     monkeypatch.setattr(eyes_ptae, "train", train)
     monkeypatch.setattr(eyes_ptae, "evaluate", evaluate)
-    row = eyes_ptae.run_one(seen, "plain 10", 1, work / "plain_10_seed1" / "features.npz")
+    path = work / "plain_10_seed1" / "features_160.npz"
+    row = eyes_ptae.run_one(seen, "plain 10", 1, 160, path)
     assert asked == [(4, 1)]
     assert (row["steps"], row["describe_accuracy"], row["width"]) == (7, 50.123, 4)
+    assert [row[name] for name in eyes_ptae.KEY] == ["plain 10", 1, 160]
 
 
 def test_the_ptae_study_does_what_is_missing(seen, work, monkeypatch, tmp_path):
     asked = []
 
-    def run_one(samples, eye, seed, features):
-        asked.append((features.parent.name, seed))
-        return {"eye": eye, "seed": seed, "describe_accuracy": 10.0 * seed}
+    def run_one(samples, eye, seed, presentations, features):
+        asked.append((features.parent.name, features.name, seed))
+        return {"eye": eye, "seed": seed, "presentations": presentations, "right": 10.0 * seed}
 
     monkeypatch.setattr(eyes_ptae, "run_one", run_one)
     eyes_ptae.study(seen, tmp_path, work, (0,))
     table = eyes_ptae.study(seen, tmp_path, work, (0, 1))
-    assert asked == [("plain_10_seed0", 0), ("PCA_30_seed0", 0), ("plain_10_seed1", 1),
-                     ("PCA_30_seed0", 1)]  # fmt: skip
-    assert table.values.tolist() == [["PCA 30", 0, 0], ["PCA 30", 1, 10],
-                                     ["plain 10", 0, 0], ["plain 10", 1, 10]]  # fmt: skip
+    assert asked == [
+        ("plain_10_seed0", "features_40.npz", 0), ("PCA_30_seed0", "features_8.npz", 0),
+        ("plain_10_seed1", "features_40.npz", 1), ("plain_10_seed1", "features_160.npz", 1),
+        ("PCA_30_seed0", "features_8.npz", 1),
+    ]  # fmt: skip
+    assert table.values.tolist() == [
+        ["PCA 30", 0, 8, 0], ["PCA 30", 1, 8, 10], ["plain 10", 0, 40, 0], ["plain 10", 1, 40, 10],
+        ["plain 10", 1, 160, 10],
+    ]  # fmt: skip
 
 
 def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path):

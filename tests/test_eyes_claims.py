@@ -17,6 +17,7 @@ UP = ["first_both", "last_both", "first_both_products", "last_both_products", "l
 DOWN = ["first_place_mm", "pixel_error"]
 END = "last_place_mm"  # the less, the better, too
 SEPARATED, PLAIN_10, PLAIN_30 = eyes.CAES
+LONGEST = {name: max(further) for name, further in eyes.LONG.items()}
 
 
 @pytest.fixture(scope="module")
@@ -147,8 +148,7 @@ def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(r
 @pytest.fixture(scope="module")
 def longest(rows):
     """Test scores of the greatest lengths, by eye and seed."""
-    lengths = {name: max(further) for name, further in eyes.LONG.items()}
-    return eyes_table.at(rows, lengths).set_index(["eye", "seed"])
+    return eyes_table.at(rows, LONGEST).set_index(["eye", "seed"])
 
 
 def test_the_greatest_lengths_cost_four_times_equal_compute_on_a_gpu(rows, longest):
@@ -183,13 +183,16 @@ def test_in_the_separated_eye_the_colours_rest_and_in_the_plain_one_of_30_they_m
 
 @pytest.fixture(scope="module")
 def in_use():
-    """PTAE's scores by eye: a column a measure, a row a seed."""
-    return eyes_ptae.stored().set_index("eye")
+    """PTAE's scores by eye, of equal compute: a column a measure, a row a seed."""
+    rows = eyes_ptae.stored()
+    return rows[~rows["presentations"].isin(LONGEST.values())].set_index("eye")
 
 
 def test_ptae_was_trained_three_times_with_each_eye(in_use):
     assert set(in_use.index) == {*eyes.CAES, *eyes.PCAS}
     assert in_use.groupby("eye")["seed"].nunique().eq(3).all()
+    for name, presentations in eyes.EQUAL_COMPUTE.items():
+        assert (in_use.loc[name, "presentations"] == presentations).all()
 
 
 def test_ptae_describes_better_with_the_separated_eye(in_use):
@@ -202,6 +205,18 @@ def test_ptae_moves_more_exactly_with_the_plain_eye_of_the_same_size(in_use):
     assert (
         in_use.loc[PLAIN_30, "execute_nrmse"].max() < in_use.loc[SEPARATED, "execute_nrmse"].min()
     )
+
+
+def test_trained_longest_the_plain_eye_of_30_serves_ptae_as_well_in_words(in_use):
+    rows = eyes_ptae.stored()
+    own = rows[rows["presentations"] == rows["eye"].map(LONGEST)].set_index("eye")
+    assert (own.groupby("eye")["seed"].nunique() == 2).all()
+    words, motion = own["describe_accuracy"], own["execute_nrmse"]
+    assert abs(words[PLAIN_30].mean() - words[SEPARATED].mean()) < 2
+    assert words[PLAIN_30].min() > in_use.loc[PLAIN_30, "describe_accuracy"].max()
+    assert motion[PLAIN_30].max() < motion[SEPARATED].min()
+    assert words[PLAIN_10].max() < words[SEPARATED].min() - 5
+    assert motion[PLAIN_10].max() < in_use.loc[PLAIN_10, "execute_nrmse"].min()
 
 
 def test_joint_pca_serves_ptae_as_well(in_use):

@@ -72,7 +72,8 @@ STAGES = (
           {"recording/features.npz": READOUT}, 1, simulator=True),
     Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
           "--seeds {seeds} --out {out}/results",
-          {"results/eyes_ptae.csv": table(("eye", "seed"), SCORED, 0.9)}, 0, 11, simulator=True),
+          {"results/eyes_ptae.csv": table(("eye", "seed", "presentations"), SCORED, 0.9)},
+          0, 11, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results", {  # its PTAE is that of the studies below
         "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),

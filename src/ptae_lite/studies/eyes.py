@@ -33,6 +33,7 @@ CHECKPOINTS = {
     "plain 10": (0, 64_000, 128_000, 166_960),
     "plain 30": (0, 64_000, 166_960),
 }
+EQUAL_COMPUTE = {"separated 3x10": 64_000, "plain 10": 166_960, "plain 30": 166_960}
 LONG = {  # further ones, with `long`: hours on a CPU
     "separated 3x10": (256_000,),
     "plain 10": (333_920, 667_840),
@@ -76,12 +77,17 @@ class Bench:
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
-    def write_features(self, name: str, seed: int, weights: Path) -> Path:
-        """Features of all recorded frames by the eye in `weights`."""
-        path = self.place(name, seed) / "features.npz"
-        codes = vision.encode_recording(vision.load_eye(weights), self.recording)
-        dataset.write_features(path, codes, weights)
-        return path
+    def weights(self, name: str, seed: int, presentations: int) -> Path:
+        """Where an eye is, after so many presentations."""
+        return self.place(name, seed) / f"eye_{presentations}.safetensors"
+
+    def write_features(self, name: str, seed: int, presentations: int) -> None:
+        """Features of all recorded frames by that eye, if they are not there."""
+        weights = self.weights(name, seed, presentations)
+        path = weights.with_name(f"features_{presentations}.npz")
+        if not features_are_of(path, weights):
+            codes = vision.encode_recording(vision.load_eye(weights), self.recording)
+            dataset.write_features(path, codes, weights)
 
 
 def folder_of(name: str, seed: int) -> str:
@@ -95,9 +101,8 @@ def run_pca(bench: Bench, name: str) -> None:
     begun, some = time.process_time(), bench.images[::PCA_EVERY]
     eye = pca.fit(vision.make_eye(kind, code), some)
     seconds = time.process_time() - begun
-    weights = bench.place(name, 0) / "eye.safetensors"
-    vision.save_eye(weights, eye)
-    bench.write_features(name, 0, weights)
+    vision.save_eye(bench.weights(name, 0, len(some)), eye)
+    bench.write_features(name, 0, len(some))
     bench.write(eye, {"eye": name, "code": code, "seed": 0, "presentations": len(some),
                       "gflop": np.nan, "seconds": round(seconds, 1), "device": "cpu"})  # fmt: skip
 
@@ -133,7 +138,7 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
         branch.eye.to("cpu").eval()
         if steps:
             whole = replace(recipe, steps=steps)
-            vision.save_eye(trunk.with_name(f"eye_{presentations}.safetensors"), branch.eye, whole)
+            vision.save_eye(bench.weights(name, seed, presentations), branch.eye, whole)
         bench.write(branch.eye, {
             "eye": name, "code": code, "seed": seed, "presentations": presentations,
             "gflop": round(presentations * gflop, 1), "seconds": round(seconds, 1),
@@ -183,34 +188,34 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         long: go on to the lengths in `LONG`; what is drawn stays that of `checkpoints`.
     """
     drawn, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
-    checkpoints = {name: (*own, *LONG[name]) if long else own for name, own in drawn.items()}
-    jobs = [(name, 0) for name in PCAS if name not in set(bench.rows()["eye"])]
-    jobs += [(name, seed) for seed in seeds for name in checkpoints]
-    todo = [(bench, name, seed, checkpoints.get(name), device) for name, seed in jobs]
-    tables.run(run_one, todo, lambda _: None, workers, progress)
+    further = LONG if long else {}
+    jobs = [(bench, name) for name in PCAS if name not in set(bench.rows()["eye"])]
+    jobs += [
+        (bench, name, seed, own, further.get(name, ()), device)
+        for seed in seeds for name, own in drawn.items()
+    ]  # fmt: skip
+    tables.run(run_one, jobs, lambda _: None, workers, progress)
     write_drawings(bench, seeds[0], drawn)
     return bench.rows()
 
 
-def run_one(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu") -> None:
-    """An eye's rows, weights and features; the bench writes them."""
+def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
+            device: str = "cpu") -> None:  # fmt: skip
+    """An eye's rows and weights, which the bench writes, and the features that a PTAE is trained
+    with: of equal compute, and of the greatest of the lengths that go `further`.
+    """
     if name in PCAS:
         return run_pca(bench, name)
-    run_cae(bench, name, seed, checkpoints, device)
-    weights = longest(bench, name, seed, {name: checkpoints})
-    if not features_are_of(bench.place(name, seed) / "features.npz", weights):
-        bench.write_features(name, seed, weights)
-
-
-def longest(bench: Bench, name: str, seed: int, checkpoints) -> Path:
-    """The weights of a CAE's longest training."""
-    return bench.place(name, seed) / f"eye_{max(checkpoints[name])}.safetensors"
+    run_cae(bench, name, seed, (*checkpoints, *further), device)
+    for presentations in (EQUAL_COMPUTE[name], *further[-1:]):
+        bench.write_features(name, seed, presentations)
 
 
 def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
     """`eyes_drawings.npz`: the test images of `eye_scores.DRAWN`, drawn by each eye of a seed."""
-    paths = {name: longest(bench, name, seed, checkpoints) for name in checkpoints}
-    paths |= {name: bench.place(name, 0) / "eye.safetensors" for name in PCAS}
+    paths = {name: bench.weights(name, seed, max(own)) for name, own in checkpoints.items()}
+    some = len(bench.images[::PCA_EVERY])
+    paths |= {name: bench.weights(name, 0, some) for name in PCAS}
     shown = {name: eye_scores.drawn(vision.load_eye(path)) for name, path in paths.items()}
     write_arrays(bench.table.with_name("eyes_drawings.npz"), **shown)
 

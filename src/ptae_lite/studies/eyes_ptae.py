@@ -19,21 +19,21 @@ from ptae_lite.studies import tables
 from ptae_lite.studies.eyes import CAES, PCAS, folder_of
 from ptae_lite.training import RECIPES, train
 
-KEY = ["eye", "seed"]
+KEY = ["eye", "seed", "presentations"]
 NAME = "results/eyes_ptae.csv"
 
 
-def jobs_in(work, seeds) -> list[tuple[str, int, Path]]:
-    """Eye, seed and features of every training there is to do, a seed after the other.
+def jobs_in(work, seeds) -> list[tuple[str, int, int, Path]]:
+    """Eye, seed, presentations and features of every training, a seed after the other.
 
     A CAE of a seed goes with a PTAE of that seed; a PCA, which knows no chance, with each.
     """
     found = []
     for seed in seeds:
         for name in (*CAES, *PCAS):
-            path = Path(work) / folder_of(name, seed if name in CAES else 0) / "features.npz"
-            if path.is_file():
-                found.append((name, seed, path))
+            folder = Path(work) / folder_of(name, seed if name in CAES else 0)
+            paths = {int(p.stem.split("_")[1]): p for p in folder.glob("features_*.npz")}
+            found += [(name, seed, length, paths[length]) for length in sorted(paths)]
     if not found:
         raise RecordingError(
             f"{work} holds no features of an eye; make them: python -m ptae_lite study eyes"
@@ -41,11 +41,12 @@ def jobs_in(work, seeds) -> list[tuple[str, int, Path]]:
     return found
 
 
-def run_one(samples: Samples, eye: str, seed: int, features: Path) -> dict:
+def run_one(samples: Samples, eye: str, seed: int, presentations: int, features: Path) -> dict:
     """Train PTAE on what an eye sees and score it on the test samples."""
     begun, seen = time.perf_counter(), dataset.with_features(samples, features)
     trained = train(seen, replace(RECIPES["ptae"], seed=seed))
-    row = {"eye": eye, "seed": seed, "steps": trained.about["steps"],
+    row = {"eye": eye, "seed": seed, "presentations": presentations,
+           "steps": trained.about["steps"],
            "seconds": round(time.perf_counter() - begun)}  # fmt: skip
     return row | {name: round(v, 3) for name, v in evaluate(trained, seen).items()}
 
@@ -68,7 +69,7 @@ def study(samples: Samples, folder, work, seeds=(0, 1, 2), workers: int = 1,
     """
     jobs, table = jobs_in(work, seeds), Path(folder) / "eyes_ptae.csv"
     done = tables.there(table, KEY)
-    todo = [(samples, *job) for job in jobs if job[:2] not in done]
+    todo = [(samples, *job) for job in jobs if job[:3] not in done]
 
     def keep(row: dict) -> None:
         tables.add(table, pd.DataFrame([row]), KEY)

@@ -11,7 +11,7 @@ from ptae_lite.studies import eyes
 
 EQUAL = {  # presentations of each eye in the two fair comparisons
     "presentations": {"separated 3x10": 64_000, "plain 10": 64_000, "plain 30": 64_000},
-    "compute": {"separated 3x10": 64_000, "plain 10": 166_960, "plain 30": 166_960},
+    "compute": eyes.EQUAL_COMPUTE,
 }
 
 
