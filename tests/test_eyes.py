@@ -221,7 +221,7 @@ def test_a_row_is_what_a_training_of_that_length_gives(study):
     for presentations in (10, 20):
         eye = vision.make_eye("separated")
         vision.train_eye(eye, images, vision.EyeRecipe(steps=presentations // 2))
-        assert table["separated 3x10", 0, presentations, "test"] == sum_of(eye)
+        assert table["separated 3x10", 0, presentations, "test", "cpu"] == sum_of(eye)
 
 
 def test_drawings_are_of_each_eye_at_its_longest(study):
@@ -283,10 +283,11 @@ def work(seen, tmp_path):
     for name, seed, length in LENGTHS:
         folder = tmp_path / "eyes" / eyes.folder_of(name, seed)
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "eye.bin").write_bytes(f"{name}{seed}".encode())
+        weights = folder / f"eye_{length}.safetensors"
+        vision.save_eye(weights, vision.make_eye("plain", 2), device="cuda")
         width = 3 + seed
         codes = np.repeat(seen.frames[:, None] / 100, seen.frames, axis=0) * np.ones(width)
-        dataset.write_features(folder / f"features_{length}.npz", codes, folder / "eye.bin")
+        dataset.write_features(folder / f"features_{length}.npz", codes, weights)
     return tmp_path / "eyes"
 
 
@@ -332,6 +333,7 @@ def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monke
     assert asked == [(4, 1)]
     assert (row["steps"], row["describe_accuracy"], row["width"]) == (7, 50.123, 4)
     assert [row[name] for name in eyes_ptae.KEY] == ["plain 10", 1, 160]
+    assert row["device"] == "cuda"
 
 
 def test_the_ptae_study_does_what_is_missing(seen, work, monkeypatch, tmp_path):

@@ -151,21 +151,24 @@ def longest(rows):
     return eyes_table.at(rows, LONGEST).set_index(["eye", "seed"])
 
 
-def test_the_greatest_lengths_cost_four_times_equal_compute_on_a_gpu(rows, longest):
-    assert set(longest.groupby("eye").size()) == {2} and set(longest["device"]) == {"cuda"}
+def test_the_greatest_lengths_cost_four_times_equal_compute(rows, longest):
+    assert longest.groupby("eye").size().to_dict() == {SEPARATED: 2, PLAIN_10: 2, PLAIN_30: 3}
+    on_cpu = longest[longest["device"] == "cpu"]
+    assert on_cpu.index.tolist() == [(PLAIN_30, 0)]
     assert set(rows[~rows["presentations"].isin(longest["presentations"])]["device"]) == {"cpu"}
     equal = eyes_table.at(rows, eyes_table.EQUAL["compute"])["gflop"].mean()
     assert (longest["gflop"] / equal).between(3.99, 4.01).all()
 
 
-def test_trained_longest_the_plain_eye_of_30_shows_the_colours_of_first_frames(longest, means):
+def test_trained_longest_the_plain_eye_of_30_shows_most_colours_of_first_frames(longest, means):
     first, last = longest["first_both"], longest["last_both"]
-    assert first[PLAIN_30].min() > 90 and first[PLAIN_30].mean() > first[SEPARATED].mean() - 5
-    assert first[PLAIN_10].max() < 50
+    assert (round(first[PLAIN_30].min()), round(first[PLAIN_30].max())) == (79, 98)
+    assert first[SEPARATED].min() > 99 and first[PLAIN_10].max() < 50
+    assert (round(last[PLAIN_30].min()), round(last[PLAIN_30].max())) == (11, 57)
     assert last[SEPARATED].min() > last[PLAIN_30].max()
-    assert (round(last[SEPARATED].mean()), round(last[PLAIN_30].mean())) == (69, 53)
+    assert (round(last[SEPARATED].mean()), round(last[PLAIN_30].mean())) == (69, 39)
     short = means.loc[SEPARATED, 32_000]
-    assert short["first_both"] > first[PLAIN_30].mean()
+    assert short["first_both"] > first[PLAIN_30].max()
     assert 7.9 < longest.loc[PLAIN_30, "gflop"].mean() / short["gflop"] < 8.1
 
 
@@ -178,7 +181,9 @@ def test_in_the_separated_eye_the_colours_rest_and_in_the_plain_one_of_30_they_m
     assert (changed.loc[SEPARATED, colours].iloc[-1].abs() < 3).all()
     assert (changed.loc[SEPARATED, "first_both"].abs() < 3).all()
     moved = changed.loc[PLAIN_30, colours]
-    assert moved.iloc[-1].between(23, 27).all() and (moved.abs().idxmax() == 667_840).all()
+    assert (
+        moved.iloc[-1].round(1).tolist() == [25.3, 13.5] and (moved.abs().idxmax() == 667_840).all()
+    )
 
 
 @pytest.fixture(scope="module")
@@ -207,13 +212,20 @@ def test_ptae_moves_more_exactly_with_the_plain_eye_of_the_same_size(in_use):
     )
 
 
-def test_trained_longest_the_plain_eye_of_30_serves_ptae_as_well_in_words(in_use):
+def test_trained_longest_the_plain_eye_of_30_serves_ptae_nearly_as_well_in_words(in_use, longest):
     rows = eyes_ptae.stored()
     own = rows[rows["presentations"] == rows["eye"].map(LONGEST)].set_index("eye")
-    assert (own.groupby("eye")["seed"].nunique() == 2).all()
+    same = ["eye", "seed", "device"]
+    found, wanted = (set(own.reset_index()[same].itertuples(index=False, name=None))
+                     for own in (own, longest))  # fmt: skip
+    assert len(own) == 7 and found == wanted
     words, motion = own["describe_accuracy"], own["execute_nrmse"]
     assert abs(words[PLAIN_30].mean() - words[SEPARATED].mean()) < 2
-    assert words[PLAIN_30].min() > in_use.loc[PLAIN_30, "describe_accuracy"].max()
+    assert words[PLAIN_30].mean() > in_use.loc[PLAIN_30, "describe_accuracy"].mean() + 5
+    least = longest.loc[PLAIN_30].sort_values("last_both").iloc[0]
+    lowest = own.loc[PLAIN_30].sort_values("describe_accuracy").iloc[0]
+    assert least["device"] == lowest["device"] == "cpu"
+    assert round(lowest["describe_accuracy"], 1) == 92.6
     assert motion[PLAIN_30].max() < motion[SEPARATED].min()
     assert words[PLAIN_10].max() < words[SEPARATED].min() - 5
     assert motion[PLAIN_10].max() < in_use.loc[PLAIN_10, "execute_nrmse"].min()

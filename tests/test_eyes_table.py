@@ -39,6 +39,8 @@ def test_the_mean_over_seeds_counts_and_only_seeds_that_both_have():
     assert eyes_table.levelled(both)["plain 10", 200]
     short = rows_of((100, 0.1, 3, 20, 60), seeds=(2,))
     assert eyes_table.levelled(pd.concat([both, short]))["plain 10", 200]
+    twice = pd.concat([both, up.assign(device="cuda"), up.assign(device="cuda")])
+    assert eyes_table.levelled(twice)["plain 10", 200]  # a seed counts once
     alone = rows_of((200, 0.1, 3, 80, 60), seeds=(7,))
     assert eyes_table.changes(pd.concat([short, alone])).empty
 

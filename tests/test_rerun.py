@@ -182,6 +182,8 @@ def test_a_table_is_completed_in_its_own_order():
     rows = pd.DataFrame({"a": ["x", "z"], "b": ["q", None], "n": [30, 40]})
     found = tables.completed(rows, old, ["a", "b"])
     assert found["a"].tolist() == ["y", "x", "x", "z"] and found["n"].tolist() == [1, 2, 30, 40]
+    two = tables.completed(rows, old.assign(b=["q", None, None]), ["a", "b"])  # on two devices
+    assert two["n"].tolist() == [1, 2, 3, 30, 40]
 
 
 def test_the_book_of_a_rerun_has_all_rows_its_own_where_it_made_them(tiny, settings):

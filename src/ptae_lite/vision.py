@@ -279,9 +279,10 @@ def encode_recording(
     return codes
 
 
-def save_eye(path, eye: nn.Module, recipe: EyeRecipe | None = None) -> None:
-    """Write an eye with its kind and, of a CAE, its recipe into one file."""
+def save_eye(path, eye: nn.Module, recipe: EyeRecipe | None = None, device: str = "cpu") -> None:
+    """Write an eye with its kind, where it was trained and, of a CAE, its recipe into one file."""
     about = {"kind": eye.kind, "code": eye.code, "recipe": asdict(recipe) if recipe else None}
+    about["device"] = device
     artefacts.save_weights(path, eye.state_dict(), about)
 
 

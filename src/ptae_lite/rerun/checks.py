@@ -110,8 +110,9 @@ def table(key: tuple, within: dict[str, tuple[float, float]], share: float = 0.9
             means = mine.groupby([both[c] for c in group], dropna=False).mean()
             pairs[column] = (means[f"{column} made"], means[f"{column} was"])
         verdict = near(pairs, columns, share)
-        says = f"{len(both)} of {len(was)} rows re-made, {verdict.says}"
-        return verdict._replace(says=says, whole=len(both) == len(was))
+        count = len(was.merge(both[list(key)].drop_duplicates()))
+        says = f"{count} of {len(was)} rows re-made, {verdict.says}"
+        return verdict._replace(says=says, whole=count == len(was))
 
     rooms = ", ".join(f"{column} {_room(*room)}" for column, room in within.items())
     return Check(f"{share:.0%} of its numbers: {rooms}", compare, key)

@@ -39,7 +39,7 @@ LONG = {  # further ones, with `long`: hours on a CPU
     "plain 10": (333_920, 667_840),
     "plain 30": (333_920, 667_840),
 }
-KEY = ["eye", "seed", "presentations", "split"]
+KEY = ["eye", "seed", "presentations", "split", "device"]
 PCA_EVERY = 8  # of the training images: 2,066 of them
 
 
@@ -138,7 +138,7 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
         branch.eye.to("cpu").eval()
         if steps:
             whole = replace(recipe, steps=steps)
-            vision.save_eye(bench.weights(name, seed, presentations), branch.eye, whole)
+            vision.save_eye(bench.weights(name, seed, presentations), branch.eye, whole, device)
         bench.write(branch.eye, {
             "eye": name, "code": code, "seed": seed, "presentations": presentations,
             "gflop": round(presentations * gflop, 1), "seconds": round(seconds, 1),

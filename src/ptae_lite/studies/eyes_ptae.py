@@ -1,6 +1,6 @@
 """What PTAE reaches with each eye: the features of `studies.eyes` in, its scores out.
 
-Every training is the regular one; only the features differ.
+Every training is the regular one, on the CPU; only the features differ. `device` is the eye's.
 """
 
 from __future__ import annotations
@@ -43,9 +43,11 @@ def jobs_in(work, seeds) -> list[tuple[str, int, int, Path]]:
 
 def run_one(samples: Samples, eye: str, seed: int, presentations: int, features: Path) -> dict:
     """Train PTAE on what an eye sees and score it on the test samples."""
+    weights = features.with_name(f"eye_{presentations}.safetensors")
+    device = artefacts.load_weights(weights)[1].get("device", "cpu")
     begun, seen = time.perf_counter(), dataset.with_features(samples, features)
     trained = train(seen, replace(RECIPES["ptae"], seed=seed))
-    row = {"eye": eye, "seed": seed, "presentations": presentations,
+    row = {"eye": eye, "seed": seed, "presentations": presentations, "device": device,
            "steps": trained.about["steps"],
            "seconds": round(time.perf_counter() - begun)}  # fmt: skip
     return row | {name: round(v, 3) for name, v in evaluate(trained, seen).items()}

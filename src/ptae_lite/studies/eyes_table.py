@@ -60,7 +60,7 @@ def changes(rows: pd.DataFrame) -> pd.DataFrame:
     measures, found = [*ERRORS, *COLOURS], {}
     own = rows[(rows["split"] == "held_out") & rows["eye"].isin(eyes.CAES)]
     for eye, runs in own.groupby("eye", sort=False):
-        of = {n: run.set_index("seed")[measures] for n, run in runs.groupby("presentations")}
+        of = {n: run.groupby("seed")[measures].mean() for n, run in runs.groupby("presentations")}
         for presentations, now in of.items():
             shorter = [n for n in of if 0 < n <= presentations / 2]
             both = now.index.intersection(of[max(shorter)].index) if shorter else now.index[:0]

@@ -58,8 +58,8 @@ def completed(rows: pd.DataFrame, old: pd.DataFrame, key: list[str]) -> pd.DataF
     """The rows of `old` in their order, but those of `rows` where they have the same key."""
     both = pd.concat([old, rows], ignore_index=True)
     place = pd.Series(_index(both, key).factorize()[0])
-    newest = place[~place.duplicated(keep="last")]
-    return both.loc[newest.sort_values(kind="stable").index]
+    stale = place[: len(old)].isin(place[len(old) :])
+    return both.loc[place.drop(stale[stale].index).sort_values(kind="stable").index]
 
 
 def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
