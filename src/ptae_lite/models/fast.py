@@ -12,24 +12,21 @@ The way to the code, `encode`:
   is there n times has log n added to its score.
 - Frames that ask are not computed beyond the end of their clip.
 
-Recurrent layers, `act` and `summarise`, take up to 100 steps. Clips are sorted by length, and a
-step computes only those that are not over. Autograd would add up the gradient of each weight matrix
-once a step; here the steps are kept, and one product at the end does it.
+Recurrent layers, `act` and `summarise`, take a clip's steps and no more: see `packed`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
-from torch.autograd.function import once_differentiable
 from torch.nn import functional
 
 from ptae_lite.models.crossmodal import Attention, CrossmodalTransformer, TwoWay
 from ptae_lite.models.decoders import ActionDecoder
+from ptae_lite.models.packed import Layer, Packed, Unroll
 from ptae_lite.models.recurrent import PeepholeCell, RecurrentEncoder
 from ptae_lite.signals import Batch
 
@@ -105,23 +102,6 @@ def _attend(attention: Attention, query: Float[Tensor, "B N H"], keys, times):
     return (mixed.flatten(-2) + attention.value.bias).flatten(0, 1)
 
 
-class Packed(NamedTuple):
-    """Sequences of different lengths as rows, step by step, the longest first."""
-
-    order: Int[Tensor, " B"]  # of the samples, the longest first
-    sample: Int[Tensor, " R"]  # where each row comes from
-    step: Int[Tensor, " R"]
-    spans: list[tuple[int, int]]  # rows of each step: from, to
-
-    @classmethod
-    def of(cls, lengths: Int[Tensor, " B"]) -> Packed:
-        order = lengths.argsort(descending=True, stable=True)
-        going = torch.arange(int(lengths.max()))[:, None] < lengths[order]
-        step, place = going.nonzero(as_tuple=True)
-        ends = going.sum(1).cumsum(0).tolist()
-        return cls(order, order[place], step, list(zip([0, *ends], ends, strict=False)))
-
-
 def act(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B T J"]:
     """What `decoder(code, batch.video, batch.start)` is where `batch.step_mask` is; else zero."""
     if len(decoder.cells) != 2:  # only the published two layers have a fast form
@@ -135,7 +115,7 @@ def act(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B T J"]:
     seen = functional.linear(video, look1[:, :features], bias1)
     if decoder.reminded:
         seen = seen + functional.linear(code, look1[:, inputs:])[packed.sample]
-    poses = _Unroll.apply(
+    poses = Unroll.apply(
         packed.spans, seen,
         batch.start[packed.order], *states,
         torch.cat([recall1, look1[:, features:inputs]], dim=1),  # of h1 and the pose
@@ -156,7 +136,7 @@ def summarise(encoder: RecurrentEncoder, rows: Float[Tensor, "B T I"], lengths: 
     parts = []
     for cell in encoder.cells:
         look, recall, bias, peep = _parts(cell)
-        hidden, memory = _Layer.apply(
+        hidden, memory = Layer.apply(
             packed.spans, functional.linear(hidden, look, bias), recall, peep
         )
         parts += [memory[ends], hidden[ends]]
@@ -177,165 +157,3 @@ def _parts(cell: nn.Module):
         maps = cell.look.weight, cell.recall.weight, cell.look.bias
         return *map(order, maps), cell.peepholes
     return *map(order, (cell.weight_ih, cell.weight_hh, cell.bias_ih + cell.bias_hh)), None
-
-
-class _Tape:
-    """One layer's steps, kept for the way back; R rows, U units. Views are cut once, not a step."""
-
-    def __init__(self, spans, gates: Float[Tensor, "R G"], peep):
-        self.gates, self.peep = gates, peep
-        self.units = u = gates.shape[1] // 4
-        self.before, self.after, self.squashed = (gates.new_empty(len(gates), u) for _ in range(3))
-        parts = (gates, gates[:, : 2 * u].unflatten(1, (2, u)), gates[:, : 3 * u],
-                 *gates.split(u, dim=1), self.before, self.after, self.squashed)  # fmt: skip
-        self.steps = steps_of(spans, *parts)
-        self.one = gates.new_ones(())
-
-    def forward(self, t: int, before, hidden) -> None:
-        """Turn the gates of step t into activations; `hidden` is filled."""
-        _, both, sigmoids, i, f, o, g, kept, after, squashed = self.steps[t]
-        kept.copy_(before)
-        if self.peep is None:
-            sigmoids.sigmoid_()
-        else:
-            both.addcmul_(before[:, None], self.peep[:2]).sigmoid_()
-        g.tanh_()
-        torch.mul(f, before, out=after)
-        after.addcmul_(i, g)
-        if self.peep is not None:
-            o.addcmul_(after, self.peep[2]).sigmoid_()
-        torch.tanh(after, out=squashed)
-        torch.mul(o, squashed, out=hidden)
-
-    def slopes(self, spans):
-        """Room for the gradients of the gates, and its views of each step."""
-        made, u = torch.empty_like(self.gates), self.units
-        return made, steps_of(spans, made, made[:, : 3 * u], *made.split(u, dim=1))
-
-    def backward(self, t: int, hidden, cell, slopes) -> None:
-        """Fill the slopes of step t; `cell` becomes the gradient of the memory one step earlier."""
-        _, _, sigmoids, i, f, o, g, before, _, squashed = self.steps[t]
-        _, to_sigmoids, to_i, to_f, to_o, to_g = slopes
-        torch.addcmul(sigmoids, sigmoids, sigmoids, value=-1, out=to_sigmoids)
-        torch.addcmul(self.one, g, g, value=-1, out=to_g)
-        to_o.mul_(squashed).mul_(hidden)
-        cell.addcmul_(torch.addcmul(self.one, squashed, squashed, value=-1).mul_(o), hidden)
-        if self.peep is not None:
-            cell.addcmul_(to_o, self.peep[2])
-        to_i.mul_(g).mul_(cell)
-        to_f.mul_(before).mul_(cell)
-        to_g.mul_(i).mul_(cell)
-        cell.mul_(f)
-        if self.peep is not None:
-            cell.addcmul_(to_i, self.peep[0]).addcmul_(to_f, self.peep[1])
-
-    def peep_gradient(self, slopes):
-        if self.peep is None:
-            return None
-        to_i, to_f, to_o, _ = slopes.split(self.units, dim=1)
-        seen = ((to_i, self.before), (to_f, self.before), (to_o, self.after))
-        return torch.stack([(slope * memory).sum(0) for slope, memory in seen])
-
-
-def steps_of(spans, *rows: Tensor) -> list[tuple[Tensor, ...]]:
-    """The rows of each step, for each of the tensors."""
-    sizes = [b - a for a, b in spans]
-    return list(zip(*(part.split(sizes) for part in rows), strict=True))
-
-
-class _Layer(torch.autograd.Function):
-    """One recurrent layer over packed rows, from a state of zero: hidden states and memories."""
-
-    @staticmethod
-    def forward(ctx, spans, seen, recall, peep):
-        tape = _Tape(spans, seen.clone(), peep)
-        hidden = seen.new_empty(len(seen), tape.units)
-        turns = [h for (h,) in steps_of(spans, hidden)]
-        memory = seen.new_zeros(len(turns[0]), tape.units)
-        for t, now in enumerate(turns):
-            n = len(now)
-            if t:
-                tape.steps[t][0].addmm_(turns[t - 1][:n], recall.T)
-            tape.forward(t, memory[:n], now)
-            memory = tape.steps[t][-2]
-        ctx.tape, ctx.spans = tape, spans
-        ctx.save_for_backward(hidden, recall)
-        return hidden, tape.after.clone()  # the tape must not hold what autograd hands out
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, to_hidden, to_memory):
-        tape, spans = ctx.tape, ctx.spans
-        hidden, recall = ctx.saved_tensors
-        made, slopes = tape.slopes(spans)
-        earlier = torch.zeros_like(hidden)  # each row's hidden state one step before
-        steps = steps_of(spans, hidden, earlier, to_hidden, to_memory)
-        h, c = (hidden.new_zeros(spans[0][1], tape.units) for _ in range(2))
-        for t in reversed(range(len(spans))):
-            _, before, from_hidden, from_memory = steps[t]
-            n = len(before)
-            c[:n] += from_memory
-            tape.backward(t, h[:n] + from_hidden, c[:n], slopes[t])
-            if t:
-                torch.mm(slopes[t][0], recall, out=h[:n])
-                before.copy_(steps[t - 1][0][:n])
-        return None, made, made.T @ earlier, tape.peep_gradient(made)
-
-
-class _Unroll(torch.autograd.Function):
-    """Two recurrent layers and a tanh output that is fed back, over packed rows."""
-
-    @staticmethod
-    def forward(ctx, spans, seen, start, h1, c1, h2, c2, w1, w2, b2, peep1, peep2, wo, bo):
-        rows, units, joints = len(seen), h1.shape[1], start.shape[1]
-        # inputs of each product, side by side: [h1 | pose] and [h1 | h2]
-        in1, in2 = seen.new_empty(rows, units + joints), seen.new_empty(rows, 2 * units)
-        first = _Tape(spans, seen.clone(), peep1)
-        second = _Tape(spans, seen.new_empty(rows, 4 * units), peep2)
-        out, poses = seen.new_empty(rows, units), seen.new_empty(rows, joints)
-        steps = steps_of(spans, in1, in1[:, :units], in1[:, units:],
-                         in2, in2[:, :units], in2[:, units:], out, poses)  # fmt: skip
-        w1, w2 = w1.T.contiguous(), w2.T.contiguous()
-        pose, hidden1, hidden2 = start, h1, h2
-        for t, (to1, was1, posed, to2, now1, was2, now2, pose_out) in enumerate(steps):
-            n = len(to1)
-            was1.copy_(hidden1[:n]), posed.copy_(pose[:n]), was2.copy_(hidden2[:n])
-            gates1, gates2 = first.steps[t][0], second.steps[t][0]
-            gates1.addmm_(to1, w1)
-            first.forward(t, c1[:n], now1)
-            torch.addmm(b2, to2, w2, out=gates2)
-            second.forward(t, c2[:n], now2)
-            torch.addmm(bo, now2, wo.T, out=pose_out).tanh_()
-            c1, c2 = first.steps[t][-2], second.steps[t][-2]
-            pose, hidden1, hidden2 = pose_out, now1, now2
-        ctx.tapes, ctx.spans = (first, second), spans
-        ctx.save_for_backward(in1, in2, out, poses, w1, w2, wo)
-        return poses
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx, grad):
-        (first, second), spans = ctx.tapes, ctx.spans
-        in1, in2, out, poses, w1, w2, wo = ctx.saved_tensors
-        w1, w2 = w1.T.contiguous(), w2.T.contiguous()
-        units, batch = out.shape[1], spans[0][1]
-        grads = torch.empty_like(poses)
-        made1, slopes1 = first.slopes(spans)
-        made2, slopes2 = second.slopes(spans)
-        steps = steps_of(spans, grad, 1 - poses.square(), grads)
-        back1 = in1.new_zeros(batch, in1.shape[1])  # to h1 and the pose of the step before
-        back2 = in2.new_zeros(batch, 2 * units)
-        c1, c2 = (in1.new_zeros(batch, units) for _ in range(2))
-        for t in reversed(range(len(spans))):
-            from_pose, steep, to_pose = steps[t]
-            n = len(to_pose)
-            torch.mul(from_pose + back1[:n, units:], steep, out=to_pose)
-            second.backward(t, torch.addmm(back2[:n, units:], to_pose, wo), c2[:n], slopes2[t])
-            torch.mm(slopes2[t][0], w2, out=back2[:n])
-            first.backward(t, back1[:n, :units] + back2[:n, :units], c1[:n], slopes1[t])
-            torch.mm(slopes1[t][0], w1, out=back1[:n])
-        return (
-            None, made1, back1[:, units:], back1[:, :units], c1, back2[:, units:], c2,
-            made1.T @ in1, made2.T @ in2, made2.sum(0),
-            first.peep_gradient(made1), second.peep_gradient(made2), grads.T @ out, grads.sum(0),
-        )  # fmt: skip
