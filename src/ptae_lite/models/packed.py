@@ -102,6 +102,7 @@ class Layer(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, spans, seen, recall, peep):
+        """Hidden states and memories (R, U) of rows whose gates (R, 4U) have seen their input."""
         tape = _Tape(spans, seen.clone(), peep)
         hidden = seen.new_empty(len(seen), tape.units)
         turns = [h for (h,) in steps_of(spans, hidden)]
@@ -119,6 +120,7 @@ class Layer(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, to_hidden, to_memory):
+        """The gradients by the gates, the recurrent weights and the peepholes."""
         tape, spans = ctx.tape, ctx.spans
         hidden, recall = ctx.saved_tensors
         made, slopes = tape.slopes(spans)
@@ -141,6 +143,7 @@ class Unroll(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx, spans, seen, start, h1, c1, h2, c2, w1, w2, b2, peep1, peep2, wo, bo):
+        """The poses (R, J), from the pose `start` and the states of both layers on."""
         rows, units, joints = len(seen), h1.shape[1], start.shape[1]
         # inputs of each product, side by side: [h1 | pose] and [h1 | h2]
         in1, in2 = seen.new_empty(rows, units + joints), seen.new_empty(rows, 2 * units)
@@ -169,6 +172,7 @@ class Unroll(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, grad):
+        """The gradients by all but the spans."""
         (first, second), spans = ctx.tapes, ctx.spans
         in1, in2, out, poses, w1, w2, wo = ctx.saved_tensors
         w1, w2 = w1.T.contiguous(), w2.T.contiguous()
