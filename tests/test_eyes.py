@@ -147,7 +147,7 @@ def test_arithmetic_is_counted_by_hand():
 def test_checkpoints_at_equal_compute_cost_the_same():
     cost = {name: eyes.mflop_an_image(vision.make_eye(*made)) for name, made in eyes.CAES.items()}
     apart, ten, plain = (own + eyes.LONG[name] for name, own in eyes.CHECKPOINTS.items())
-    assert set(ten) == {*plain, 128_000} and apart[2] == plain[1]
+    assert {*ten, plain[-1]} == {*plain, 128_000} and apart[2] == plain[1]
     for a, b in zip(apart[2:], plain[2:], strict=True):
         for name in ("plain 10", "plain 30"):
             assert b * cost[name] == pytest.approx(a * cost["separated 3x10"], rel=1e-3)
@@ -240,7 +240,8 @@ def test_drawings_are_of_each_eye_at_its_longest(study):
 
 
 def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
-    monkeypatch.setattr(eyes, "LONG", {"separated 3x10": (40,), "plain 10": (20, 30)})
+    monkeypatch.setattr(eyes, "LONG", {"separated 3x10": (40, 60), "plain 10": (20, 30)})
+    monkeypatch.setitem(eyes.FOUR_TIMES, "separated 3x10", 40)
     regular = study()
     drawn = (study.folder / "eyes_drawings.npz").read_bytes()
     table = study(long=True)
@@ -249,7 +250,10 @@ def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     pd.testing.assert_frame_equal(again, regular)
     new = table.merge(regular[eyes.KEY], how="left", indicator=True).query("_merge == 'left_only'")
     made = {name: own["presentations"].tolist() for name, own in new.groupby("eye")}
-    assert made == {"separated 3x10": [40, 40], "plain 10": [20, 20, 30, 30]}  # two splits of each
+    assert made == {
+        "separated 3x10": [40, 40, 60, 60],
+        "plain 10": [20, 20, 30, 30],
+    }  # two splits of each
     folder = study.folder / "work" / eyes.folder_of("separated 3x10", 0)
     assert {path.name for path in folder.glob("features*")} == {
         "features_10.npz", "features_40.npz"

@@ -27,6 +27,16 @@ def test_each_panel_has_dots_means_and_levels():
     assert [text.get_text() for text in legend.get_texts()] == ["a", "b", "PCA"]
 
 
+def test_with_ticks_each_doubling_is_a_step_of_the_same_width():
+    rows = ROWS.assign(n=[0, 10, 20, 40, 80])
+    (axes,) = spreads(rows, "eye", "n", {"right": "%"}, "shown", ticks=[0, 10, 1000]).axes
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["0", "10", "1,000"]
+    assert not len(axes.get_xticks(minor=True))
+    places = axes.transData.transform([(n, 0) for n in (0, 10, 20, 40, 80)])[:, 0]
+    steps = [b - a for a, b in zip(places, places[1:], strict=False)]
+    assert min(steps) > 0 and steps[1:] == pytest.approx([steps[1]] * 3)
+
+
 def test_more_groups_than_can_be_told_apart_are_refused():
     rows = pd.DataFrame({"eye": list("abcde"), "n": 1, "right": 2})
     with pytest.raises(PTAEError, match="tell 4 groups apart, not 5"):

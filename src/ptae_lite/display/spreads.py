@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -21,10 +21,12 @@ def spreads(
     panels: Mapping[str, str],
     x_label: str,
     levels: Mapping[str, pd.Series] | None = None,
+    ticks: Sequence[float] | None = None,
 ) -> Figure:
     """A panel for each column in `panels` (with its label) over the column `x`.
 
     Rows with the same `group` have one colour; `levels` are rows without a place along `x`.
+    With `ticks` that axis is logarithmic above the first of them that is not 0, and shows them.
     Raises `PTAEError` where there are more groups than looks to tell them apart.
     """
     groups = list(dict.fromkeys(rows[group]))
@@ -42,5 +44,9 @@ def spreads(
             colour = (style.GREY, style.PURPLE, style.SKY)[k % 3]
             axes.axhline(level[column], color=colour, ls=":", label=name)
         axes.set(title=label, xlabel=x_label)
+        if ticks is not None:
+            axes.set_xscale("symlog", linthresh=min(tick for tick in ticks if tick))
+            axes.set_xticks(ticks, [f"{tick:,g}" for tick in ticks])
+            axes.set_xticks([], minor=True)
     figure.legend(*row[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return style.closed(figure)

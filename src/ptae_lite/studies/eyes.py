@@ -34,11 +34,12 @@ CHECKPOINTS = {
     "plain 30": (0, 64_000, 166_960),
 }
 EQUAL_COMPUTE = {"separated 3x10": 64_000, "plain 10": 166_960, "plain 30": 166_960}
-LONG = {  # further ones, with `long`: hours on a CPU
-    "separated 3x10": (256_000,),
-    "plain 10": (333_920, 667_840),
-    "plain 30": (333_920, 667_840),
+LONG = {  # further ones, with `long`: a day on a CPU
+    "separated 3x10": (256_000, 512_000, 1_024_000),
+    "plain 10": (333_920, 667_840, 1_335_680),
+    "plain 30": (333_920, 667_840, 1_335_680, 2_671_360),
 }
+FOUR_TIMES = {name: 4 * length for name, length in EQUAL_COMPUTE.items()}  # PTAE sees these, too
 KEY = ["eye", "seed", "presentations", "split", "device"]
 PCA_EVERY = 8  # of the training images: 2,066 of them
 
@@ -202,12 +203,12 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
 def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
             device: str = "cpu") -> None:  # fmt: skip
     """An eye's rows and weights, which the bench writes, and the features that a PTAE is trained
-    with: of equal compute, and of the greatest of the lengths that go `further`.
+    with: of equal compute, and of four times that among the lengths that go `further`.
     """
     if name in PCAS:
         return run_pca(bench, name)
     run_cae(bench, name, seed, (*checkpoints, *further), device)
-    for presentations in (EQUAL_COMPUTE[name], *further[-1:]):
+    for presentations in (EQUAL_COMPUTE[name], *({FOUR_TIMES[name]} & {*further})):
         bench.write_features(name, seed, presentations)
 
 
