@@ -67,6 +67,26 @@ def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded,
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
 
 
+def test_without_conditions_each_model_goes_through_those_that_are_stored():
+    table = pd.read_csv(artefacts.stored("results/closed_loop.csv"))
+    found = set(table[study.KEY].itertuples(index=False, name=None))
+    expected = {(m, seed, c) for m, own in study.SHOWN.items() for c in own for seed in (0, 1, 2)}
+    expected = {job for job in expected if job[2] != "replay"} | {(study.REPLAY, 0, "replay")}
+    assert found <= expected
+    assert {job for job in found if job[1] == 0} == {job for job in expected if job[1] == 0}
+
+
+def test_no_more_than_that_is_acted_out(simulator, quick, recorded, tmp_path, monkeypatch):
+    acted = []
+    monkeypatch.setattr(study, "run_one", lambda *job: acted.append(job[2:]) or pd.DataFrame(
+        [dict(zip(study.KEY, job[2:], strict=True))]))  # fmt: skip
+    study.study(recorded, tmp_path, tmp_path / "w", ("first frame", "open eyes"), (0,))
+    assert acted == [
+        (study.REPLAY, 0, "replay"), ("first frame", 0, "test"),
+        ("open eyes", 0, "test"), ("open eyes", 0, "displaced"),
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("names", [{"models": ("deaf",)}, {"conditions": ("drunk",)}])
 def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_path, names):
     with pytest.raises(ConfigError, match="no (model 'deaf'.*blind|condition 'drunk'.*displaced)"):

@@ -104,7 +104,7 @@ def _closed_loop(options) -> dict:
     table = closed_loop.study(
         dataset.load(), folder, options.weights or "build/weights",
         options.variants or tuple(closed_loop.MODELS), options.seeds or (0, 1, 2),
-        options.conditions or tuple(closed_loop.CONDITIONS), options.workers,
+        options.conditions, options.workers,
         progress=lambda results, total: bar(results, total=total, desc="jobs"),
     )  # fmt: skip
     episodes.keep(folder, table, options.weights or "build/weights")
@@ -145,7 +145,12 @@ def add_options(study: argparse.ArgumentParser) -> None:
                             "closed-loop: which models")  # fmt: skip
     study.add_argument("--core", action="store_true",
                        help="supervision: only what the figures of chapter 04 need")  # fmt: skip
-    study.add_argument("--conditions", nargs="+", metavar="NAME", help="closed-loop: which")
+    study.add_argument(
+        "--conditions",
+        nargs="+",
+        metavar="NAME",
+        help="closed-loop: which, of every model (default: those that chapter 06 shows)",
+    )
     study.add_argument(
         "--seeds",
         type=whole_number(0),

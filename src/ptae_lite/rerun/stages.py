@@ -49,6 +49,7 @@ class Stage(NamedTuple):
 
 
 SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # one training differs from the next so much
+FEW = SCORED | {"accuracy": (18, 0)}  # with 56 labels two seeds of a recipe are that far apart
 ANSWERS = {"right": (0, 0)}
 SEEN = {"both|left|right": (15, 0), "_mm|error": (0, 0.3), "r2": (0.15, 0)}
 EYES = {  # as long as the stored eyes were trained; the study goes further with the plain one
@@ -58,7 +59,7 @@ EYES = {  # as long as the stored eyes were trained; the study goes further with
 STAGES = (
     Stage("recording", "ptae_lite record --out {out}/recording", {
         "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
-        "recording/frames.zip": pictures(2)}, 4, simulator=True),
+        "recording/frames.zip": pictures(2)}, 5, simulator=True),
     Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
           "--eyes {out}/eyes --seeds {seeds} --device {device} "
           "--out {out}/results", {
@@ -66,26 +67,26 @@ STAGES = (
         "results/eyes_drawings.npz": arrays(dict.fromkeys((*CAES, *PCAS), 10), 0.85),
         "weights/cae.safetensors": drawing(0.25),
         "weights/plain_cae.safetensors": drawing(0.25)},
-        3, 15, simulator=True, lies=EYES),
+        3, 17, simulator=True, lies=EYES),
     Stage("features", "ptae_lite features --data {out}/recording "
           "--eye {out}/eyes/separated_3x10_seed0/eye_128000.safetensors",
           {"recording/features.npz": READOUT}, 1, simulator=True),
     Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
           "--seeds {seeds} --out {out}/results",
           {"results/eyes_ptae.csv": table(("eye", "seed", "presentations"), SCORED, 0.9)},
-          0, 11, simulator=True),
+          0, 12, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results", {  # its PTAE is that of the studies below
         "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
         "results/family_curves.csv":
             table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES},
-        0, 26, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
+        0, 27, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
     Stage("conflicts", "ptae_lite study incongruence --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/incongruence.csv": table(
             ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
-            SCORED, 0.8)}, 0, 12),
+            SCORED, 0.8)}, 0, 15),
     Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
         "results/incongruence_stories.csv": texts(
             ("sample", "signal", "conflict_in", "conflicts", "aspects"), "answer", 0.6),
@@ -93,14 +94,14 @@ STAGES = (
         simulator=True),
     Stage("recipes", "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 "
           "--out {out}/results",
-          {"results/recipes.csv": table(("data", "choice", "seed"), SCORED, 0.9)}, 3),
+          {"results/recipes.csv": table(("data", "choice", "seed"), FEW, 0.9)}, 3),
     Stage("supervision", "ptae_lite study supervision --core --models linear ptae --workers 2 "
           "--seeds {seeds} --out {out}/results", {
         "results/supervision.csv":
             table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
         "results/supervision_sentences.csv": table(
             ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
-        1, 20),  # PTAE's curves; the whole study takes hours more
+        1, 22),  # PTAE's curves; the whole study takes hours more
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(
@@ -108,7 +109,7 @@ STAGES = (
         "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
-        "weights/ptae_blind_seed0.safetensors": SCORES}, 5, 28, simulator=True),
+        "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 25, simulator=True),
     Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip

@@ -42,6 +42,8 @@ MODELS: dict[str, dict] = {
     "aggregated": LOOP,
 }
 OF_FAMILY = {"ptae": "PTAE", "first frame": "PTAE, first frame only"}  # the same trainings
+SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # what chapter 06 tells of a model
+SHOWN |= {"first frame": ("test",), "blind": tuple(CONDITIONS)}
 NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
 FILMS = 2  # noisy ones for each sample
 FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
@@ -183,13 +185,16 @@ def score_one(samples: Samples, folder, model: str, seed: int) -> dict:
 
 
 def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 2),
-          conditions=tuple(CONDITIONS), workers: int = 1,
+          conditions=None, workers: int = 1,
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
     """Train what is missing in the folder `weights`, then act out what is missing in
     `closed_loop.csv`; the episodes of a model under a condition are written when they are done.
     The joint errors of the models go to `closed_loop_models.csv`.
+
+    Without `conditions`, which are for all models, each goes through those in `SHOWN`.
     """
-    for names, there, what in ((models, MODELS, "model"), (conditions, CONDITIONS, "condition")):
+    asked = ((models, MODELS, "model"), (conditions or (), CONDITIONS, "condition"))
+    for names, there, what in asked:
         for name in names:
             if name not in there:
                 raise ConfigError(f"no {what} {name!r}; there are {'; '.join(there)}")
@@ -198,7 +203,7 @@ def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 
     done = tables.there(table, KEY)
     wanted = [
         (model, seed, condition)
-        for seed in seeds for model in models for condition in conditions
+        for seed in seeds for model in models for condition in conditions or SHOWN[model]
         if condition != "replay" and (model, seed, condition) not in done
     ]  # fmt: skip
     actors = dict.fromkeys(job[:2] for job in wanted)
@@ -216,7 +221,7 @@ def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 
 
     tables.run(score_one, unscored, keep, workers, progress)
     jobs = [(samples, weights_of(weights, *job[:2]), *job) for job in wanted]
-    if "replay" in conditions and (REPLAY, 0, "replay") not in done:
+    if "replay" in (conditions or CONDITIONS) and (REPLAY, 0, "replay") not in done:
         jobs.insert(0, (samples, None, REPLAY, 0, "replay"))
     tables.run(run_one, jobs, lambda rows: tables.add(table, rows, KEY), workers, progress)
     return pd.read_csv(table)
