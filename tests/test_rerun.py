@@ -255,7 +255,7 @@ def test_the_plan_is_shown_without_doing_anything(tmp_path, capsys):
     assert full.main(["--plan", "--seeds", "1", "--out", str(out)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == len(STAGES) + 1 and not out.exists()
-    assert re.match(r"to do +4 min  python -m ptae_lite record --out", lines[0])
+    assert re.match(r"to do +5 min  python -m ptae_lite record --out", lines[0])
     assert re.fullmatch(r"About \d h \d\d min to do, on two free cores.", lines[-1])
 
 
