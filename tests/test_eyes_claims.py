@@ -83,6 +83,28 @@ def test_at_equal_arithmetic_the_plain_eye_of_30_places_and_draws_better(means):
         assert len(equal) == 1 and (equal[DOWN] < own[DOWN]).all(axis=None)
 
 
+def test_the_figures_are_described_with_their_numbers(means, text):
+    def ends(name, column):
+        own = means.loc[name, column].sort_index()
+        return own.loc[0], own.loc[LONGEST[name]]
+
+    first, last = ({name: ends(name, c) for name in eyes.CAES} for c in UP[:2])
+    low, high = means.loc[PLAIN_30]["first_both"].min(), means.loc[SEPARATED]["last_both"].max()
+    down = means.loc[PLAIN_30]["last_both"].min()
+    place = {name: ends(name, DOWN[0])[1] for name in eyes.CAES}
+    for said in (
+        f"rises from {first[SEPARATED][0]:.0f} to {first[SEPARATED][1]:.0f} per cent and stays",
+        f"falls from {first[PLAIN_30][0]:.0f} to {low:.0f} and climbs to {first[PLAIN_30][1]:.0f}",
+        f"plain 10 ends falling, at {first[PLAIN_10][1]:.0f}",
+        f"peaks early at {high:.0f} and ends at {last[SEPARATED][1]:.0f}",
+        f"plain 30 falls to {down:.0f} and climbs to {last[PLAIN_30][1]:.0f}",
+        f"Places: plain 30 ends at {place[PLAIN_30]:.1f} mm, the separated eye at "
+        f"{place[SEPARATED]:.1f}, plain 10 at {place[PLAIN_10]:.1f}",
+    ):
+        assert said in text
+    assert means.loc[PLAIN_10]["last_both"].max() < 20
+
+
 def test_the_separated_eye_keeps_the_colours_of_first_frames(means):
     own = means.loc[SEPARATED].sort_index()
     assert own["first_both"].min() > 90

@@ -203,12 +203,12 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
 def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
             device: str = "cpu") -> None:  # fmt: skip
     """An eye's rows and weights, which the bench writes, and the features that a PTAE is trained
-    with: of equal compute, and of four times that among the lengths that go `further`.
+    with: of equal compute and of four times that, as far as it goes.
     """
     if name in PCAS:
         return run_pca(bench, name)
     run_cae(bench, name, seed, (*checkpoints, *further), device)
-    for presentations in (EQUAL_COMPUTE[name], *({FOUR_TIMES[name]} & {*further})):
+    for presentations in {EQUAL_COMPUTE[name], FOUR_TIMES[name]} & {*checkpoints, *further}:
         bench.write_features(name, seed, presentations)
 
 
