@@ -48,7 +48,8 @@ def assert_same(model, batch, readable, unseen=()):
 
 
 OTHERWISE = [
-    {}, {"decoder_layers": 1}, {"queries": "both"}, {"reminded": True, "padded": False},
+    {}, {"decoder_layers": 1}, {"queries": "both"}, {"queries": "action"},
+    {"reminded": True, "padded": False},
 ]  # fmt: skip
 
 

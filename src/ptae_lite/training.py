@@ -207,7 +207,7 @@ def train(
     paces = (1.0, recipe.action_pace)
     mine = list(network.action.parameters())
     groups = ([p for p in network.parameters() if not any(p is q for q in mine)], mine)
-    optimiser = torch.optim.Adam({"params": list(group)} for group in groups)
+    optimiser = torch.optim.Adam(({"params": list(group)} for group in groups), fused=True)
     steps = recipe.epochs * len(list(epoch_batches(rng, indices, labelled, recipe, mix)))
     if not steps:
         raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")

@@ -14,7 +14,6 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
-from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import EOS, TOKENS, VOCABULARY
@@ -41,8 +40,9 @@ class Sequence(nn.Module):
         self.lstm = nn.LSTM(inputs, units, batch_first=True)
 
     def forward(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]):
-        packed = pack_padded_sequence(rows, lengths, batch_first=True, enforce_sorted=False)
-        return pad_packed_sequence(self.lstm(packed)[0], True, total_length=rows.shape[1])[0]
+        # not `pack_padded_sequence`: the way back through it is quadratic in the number of steps
+        inside = torch.arange(rows.shape[1]) < lengths[:, None]
+        return self.lstm(rows)[0] * inside[..., None]
 
 
 class WordSequence(nn.Module):

@@ -32,11 +32,12 @@ from ptae_lite.signals import Batch
 
 
 def encode(encoder: CrossmodalTransformer | TwoWay, words_in, batch: Batch):
-    """The code (B, H) that `encoder` makes of a batch when language asks, or both do; no clock."""
+    """The code (B, H) that `encoder`, without a clock, makes of a batch."""
     if isinstance(encoder, TwoWay):
         asked = _words_ask(encoder.words_ask, words_in, batch)
         return (asked + _frames_ask(encoder.frames_ask, words_in, batch)) / 2
-    return _words_ask(encoder, words_in, batch)
+    ask = _words_ask if encoder.queries == "language" else _frames_ask
+    return ask(encoder, words_in, batch)
 
 
 def _frames_ask(encoder: CrossmodalTransformer, words_in, batch: Batch):

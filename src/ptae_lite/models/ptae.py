@@ -78,9 +78,8 @@ class PTAEConfig:
 
     @property
     def plain(self) -> bool:
-        """Has the way to the code a fast form: the paper's regular one, and that of `both`?"""
-        none = self.language_encoder == self.action_encoder == "none"
-        return none and self.queries != "action" and not self.clock
+        """Has the way to the code a fast form?"""
+        return self.language_encoder == self.action_encoder == "none" and not self.clock
 
 
 class PTAE(nn.Module):

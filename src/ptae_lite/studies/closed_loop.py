@@ -199,29 +199,45 @@ def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 
             if name not in there:
                 raise ConfigError(f"no {what} {name!r}; there are {'; '.join(there)}")
     pybullet()  # fail here, not after the trainings
-    table = Path(folder) / "closed_loop.csv"
-    done = tables.there(table, KEY)
+    table, scores = Path(folder) / "closed_loop.csv", Path(folder) / "closed_loop_models.csv"
+    done, scored = tables.there(table, KEY), tables.there(scores, KEY[:2])
     wanted = [
         (model, seed, condition)
         for seed in seeds for model in models for condition in conditions or SHOWN[model]
         if condition != "replay" and (model, seed, condition) not in done
     ]  # fmt: skip
-    actors = dict.fromkeys(job[:2] for job in wanted)
-    first = dict.fromkeys(("open eyes" if m == "aggregated" else m, seed) for m, seed in actors)
-    for group in (first, actors):  # the episodes of `open eyes` come before `aggregated`
-        missing = [job for job in group if not weights_of(weights, *job).exists()]
-        made = [(samples, weights, *job) for job in missing]
-        tables.run(make_one, made, lambda _: None, workers, progress)
-    scores = Path(folder) / "closed_loop_models.csv"
-    scored = tables.there(scores, KEY[:2])
-    unscored = [(samples, weights, *job) for job in actors if job not in scored]
+    actors = list(dict.fromkeys(job[:2] for job in wanted))
+    later = [actor for actor in actors if actor[0] == "aggregated"]
+    soon = [actor for actor in actors if actor not in later]
 
-    def keep(row: dict) -> None:
-        tables.add(scores, pd.DataFrame([row]), KEY[:2])
+    def trainings(group) -> list[tuple]:
+        missing = [actor for actor in group if not weights_of(weights, *actor).exists()]
+        return [(make_one, samples, weights, *actor) for actor in missing]
 
-    tables.run(score_one, unscored, keep, workers, progress)
-    jobs = [(samples, weights_of(weights, *job[:2]), *job) for job in wanted]
-    if "replay" in (conditions or CONDITIONS) and (REPLAY, 0, "replay") not in done:
-        jobs.insert(0, (samples, None, REPLAY, 0, "replay"))
-    tables.run(run_one, jobs, lambda rows: tables.add(table, rows, KEY), workers, progress)
+    def trials(group) -> list[tuple]:
+        unscored = [(score_one, samples, weights, *actor) for actor in group if actor not in scored]
+        return unscored + [
+            (run_one, samples, weights_of(weights, *job[:2]), *job)
+            for job in wanted if job[:2] in group
+        ]  # fmt: skip
+
+    def keep(made) -> None:
+        if isinstance(made, dict):
+            tables.add(scores, pd.DataFrame([made]), KEY[:2])
+        elif made is not None:
+            tables.add(table, made, KEY)
+
+    replay = "replay" in (conditions or CONDITIONS) and (REPLAY, 0, "replay") not in done
+    replayed = [(run_one, samples, None, REPLAY, 0, "replay")] if replay else []
+    bases = [("open eyes", seed) for _, seed in later]  # whose episodes `aggregated` takes
+    for jobs in (
+        trainings(dict.fromkeys([*soon, *bases])),
+        [*trainings(later), *replayed, *trials(soon)],
+        trials(later),
+    ):
+        tables.run(_do, jobs, keep, workers, progress)
     return pd.read_csv(table)
+
+
+def _do(work, *arguments):
+    return work(*arguments)
