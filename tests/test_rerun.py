@@ -13,7 +13,7 @@ import pytest
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone
-from ptae_lite.rerun import checks, full, report
+from ptae_lite.rerun import beside, checks, full, report
 from ptae_lite.rerun.checks import arrays, judge, near, pictures, table
 from ptae_lite.rerun.full import Rerun, Settings
 from ptae_lite.rerun.stages import STAGES, Stage
@@ -66,14 +66,44 @@ def test_every_stored_file_is_made_by_one_stage():
 def test_every_stage_is_a_command_that_exists():
     from ptae_lite.__main__ import parser
 
-    for one in STAGES:
-        module, *arguments = one.arguments(out=Path("o"), seeds=range(2), device="cpu")
-        if module == "ptae_lite":
-            assert vars(parser().parse_args(arguments))["run"]
-        else:
-            __import__(module)
-    supervision = next(one for one in STAGES if one.name == "supervision")
-    assert "--seeds 0 1 " in " ".join(supervision.arguments(out="o", seeds=range(2), device="cpu"))
+    written = [one.arguments(out=Path("o"), seeds=range(2), device="cpu") for one in STAGES]
+    for words in written:
+        own = words[1:] if words[0] == beside.__name__ else words
+        for module, *arguments in beside.commands(own):
+            if module == "ptae_lite":
+                assert vars(parser().parse_args(arguments))["run"]
+            else:
+                __import__(module)
+    assert any("--seeds 0 1 " in " ".join(words) for words in written)
+
+
+def meet(me: str, other: str) -> str:
+    """A module that ends well if it meets the other while both run."""
+    return (
+        "import pathlib, sys, time\n"
+        f"pathlib.Path({me!r}).touch()\n"
+        "for _ in range(600):\n"
+        f"    if pathlib.Path({other!r}).exists(): sys.exit(0)\n"
+        "    time.sleep(0.05)\n"
+        "sys.exit(1)\n"
+    )
+
+
+def test_commands_run_beside_each_other(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for me, other in (("left", "right"), ("right", "left")):
+        Path(f"{me}.py").write_text(meet(me, other))
+    assert beside.main(["left", "+", "right"]) == 0
+
+
+def test_one_of_several_that_fails_is_a_failure_and_the_others_are_finished(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("slow.py").write_text(
+        "import pathlib, time\ntime.sleep(1)\npathlib.Path('done').touch()\n"
+    )
+    Path("killed.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n")
+    assert beside.main(["killed", "+", "slow"]) == 1
+    assert Path("done").exists()
 
 
 def test_eyes_are_taken_from_where_their_study_leaves_them():

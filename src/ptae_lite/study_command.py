@@ -74,7 +74,7 @@ def _family(options) -> dict:
 
     samples = dataset.load(options.data, options.holdout)
     table = family.study(
-        samples, options.out, options.variants or tuple(family.VARIANTS),
+        samples, options.out, options.variants or family.REGULAR,
         options.seeds or (0, 1, 2), options.weights, options.workers,
         progress=lambda results, total: bar(results, total=total, desc="trainings"),
     )  # fmt: skip

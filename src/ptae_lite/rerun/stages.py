@@ -66,26 +66,21 @@ STAGES = (
         "results/eyes_drawings.npz": arrays(dict.fromkeys((*CAES, *PCAS), 10), 0.85),
         "weights/cae.safetensors": drawing(0.25),
         "weights/plain_cae.safetensors": drawing(0.25)},
-        3, 22, simulator=True, lies=EYES),
+        1, 20, simulator=True, lies=EYES),
     Stage("features", "ptae_lite features --data {out}/recording "
           "--eye {out}/eyes/separated_3x10_seed0/eye_128000.safetensors",
           {"recording/features.npz": READOUT}, 1, simulator=True),
     Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
           "--seeds {seeds} --out {out}/results",
           {"results/eyes_ptae.csv": table(("eye", "seed", "presentations"), SCORED, 0.9)},
-          0, 12, simulator=True),
+          0, 8, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results", {  # its PTAE is that of the studies below
         "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
         "results/family_curves.csv":
             table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES},
-        0, 27, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
-    Stage("conflicts", "ptae_lite study incongruence --workers 2 --weights {out}/weights "
-          "--seeds {seeds} --out {out}/results", {
-        "results/incongruence.csv": table(
-            ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
-            SCORED, 0.8)}, 0, 18),
+        0, 25, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
     Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
         "results/incongruence_stories.csv": texts(
             ("sample", "signal", "conflict_in", "conflicts", "aspects"), "answer", 0.6),
@@ -94,13 +89,20 @@ STAGES = (
     Stage("recipes", "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 "
           "--out {out}/results",
           {"results/recipes.csv": table(("data", "choice", "seed"), SCORED, 0.9)}, 3),
-    Stage("supervision", "ptae_lite study supervision --core --models linear ptae --workers 2 "
+    Stage("conflicts and labels",  # PTAE's curves; the whole study of labels takes hours more
+          "ptae_lite.rerun.beside "
+          "ptae_lite study incongruence --workers 2 --weights {out}/weights --seeds {seeds} "
+          "--out {out}/results + "
+          "ptae_lite study supervision --core --models linear ptae --workers 2 "
           "--seeds {seeds} --out {out}/results", {
+        "results/incongruence.csv": table(
+            ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
+            SCORED, 0.8),
         "results/supervision.csv":
             table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
         "results/supervision_sentences.csv": table(
             ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
-        1, 23),  # PTAE's curves; the whole study takes hours more
+        1, 33),
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(

@@ -177,7 +177,7 @@ def restore(training: vision.EyeTraining, path: Path) -> float:
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
           workers: int = 1, device: str = "cpu", long: bool = False,
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `eyes.csv`: the PCAs, then every CAE of a seed before the next seed.
+    """Run what is missing in `eyes.csv`: every CAE of a seed before the next seed, then the PCAs.
 
     Args:
         recording: folder of a recording, with its images.
@@ -190,11 +190,11 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
     """
     drawn, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
     further = LONG if long else {}
-    jobs = [(bench, name) for name in PCAS if name not in set(bench.rows()["eye"])]
-    jobs += [
+    jobs = [
         (bench, name, seed, own, further.get(name, ()), device)
         for seed in seeds for name, own in drawn.items()
     ]  # fmt: skip
+    jobs += [(bench, name) for name in PCAS if name not in set(bench.rows()["eye"])]
     tables.run(run_one, jobs, lambda _: None, workers, progress)
     write_drawings(bench, seeds[0], drawn)
     return bench.rows()
