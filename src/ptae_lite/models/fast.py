@@ -145,14 +145,14 @@ def summarise(encoder: RecurrentEncoder, rows: Float[Tensor, "B T I"], lengths: 
 
 
 def _parts(cell: nn.Module):
-    """A cell's maps of input and hidden state, bias and peepholes, gates in the order i, f, o, g.
+    """A cell's maps of input and hidden state, bias and peepholes, gates in the order o, i, f, g.
 
-    So the three gates that are sigmoids lie side by side.
+    So the three gates that are sigmoids lie side by side, and the three that make the memory.
     """
 
     def order(rows):
         i, f, g, o = rows.chunk(4)
-        return torch.cat([i, f, o, g])
+        return torch.cat([o, i, f, g])
 
     if isinstance(cell, PeepholeCell):
         maps = cell.look.weight, cell.recall.weight, cell.look.bias

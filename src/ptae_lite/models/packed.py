@@ -40,14 +40,13 @@ class _Tape:
         self.gates, self.peep = gates, peep
         self.units = u = gates.shape[1] // 4
         self.before, self.after, self.squashed = (gates.new_empty(len(gates), u) for _ in range(3))
-        parts = (gates, gates[:, : 2 * u].unflatten(1, (2, u)), gates[:, : 3 * u],
+        parts = (gates, gates[:, u : 3 * u].unflatten(1, (2, u)), gates[:, : 3 * u],
                  *gates.split(u, dim=1), self.before, self.after, self.squashed)  # fmt: skip
         self.steps = steps_of(spans, *parts)
-        self.one = gates.new_ones(())
 
     def forward(self, t: int, before, hidden) -> None:
         """Turn the gates of step t into activations; `hidden` is filled."""
-        _, both, sigmoids, i, f, o, g, kept, after, squashed = self.steps[t]
+        _, both, sigmoids, o, i, f, g, kept, after, squashed = self.steps[t]
         kept.copy_(before)
         if self.peep is None:
             sigmoids.sigmoid_()
@@ -62,23 +61,26 @@ class _Tape:
         torch.mul(o, squashed, out=hidden)
 
     def slopes(self, spans):
-        """Room for the gradients of the gates, and its views of each step."""
-        made, u = torch.empty_like(self.gates), self.units
-        return made, steps_of(spans, made, made[:, : 3 * u], *made.split(u, dim=1))
+        """The gradients of the gates as far as they are known for all steps at once, and views of
+        each step, for `backward` to finish."""
+        gates, u = self.gates, self.units
+        o, i, f, g = gates.split(u, dim=1)
+        made, one = torch.addcmul(gates, gates, gates, value=-1), gates.new_ones(())
+        to_o, to_i, to_f, to_g = made.split(u, dim=1)
+        torch.addcmul(one, g, g, value=-1, out=to_g)
+        to_o.mul_(self.squashed), to_i.mul_(g), to_f.mul_(self.before), to_g.mul_(i)
+        steep = torch.addcmul(one, self.squashed, self.squashed, value=-1).mul_(o)
+        by_memory = made[:, u:].unflatten(1, (3, u))
+        return made, steps_of(spans, made, to_o, by_memory, to_i, to_f, steep, f)
 
-    def backward(self, t: int, hidden, cell, slopes) -> None:
-        """Fill the slopes of step t; `cell` becomes the gradient of the memory one step earlier."""
-        _, _, sigmoids, i, f, o, g, before, _, squashed = self.steps[t]
-        _, to_sigmoids, to_i, to_f, to_o, to_g = slopes
-        torch.addcmul(sigmoids, sigmoids, sigmoids, value=-1, out=to_sigmoids)
-        torch.addcmul(self.one, g, g, value=-1, out=to_g)
-        to_o.mul_(squashed).mul_(hidden)
-        cell.addcmul_(torch.addcmul(self.one, squashed, squashed, value=-1).mul_(o), hidden)
+    def backward(self, hidden, cell, slopes) -> None:
+        """Finish a step's slopes; `cell` becomes the gradient of the memory one step earlier."""
+        _, to_o, by_memory, to_i, to_f, steep, f = slopes
+        to_o.mul_(hidden)
+        cell.addcmul_(steep, hidden)
         if self.peep is not None:
             cell.addcmul_(to_o, self.peep[2])
-        to_i.mul_(g).mul_(cell)
-        to_f.mul_(before).mul_(cell)
-        to_g.mul_(i).mul_(cell)
+        by_memory.mul_(cell[:, None])
         cell.mul_(f)
         if self.peep is not None:
             cell.addcmul_(to_i, self.peep[0]).addcmul_(to_f, self.peep[1])
@@ -86,7 +88,7 @@ class _Tape:
     def peep_gradient(self, slopes):
         if self.peep is None:
             return None
-        to_i, to_f, to_o, _ = slopes.split(self.units, dim=1)
+        to_o, to_i, to_f, _ = slopes.split(self.units, dim=1)
         seen = ((to_i, self.before), (to_f, self.before), (to_o, self.after))
         return torch.stack([(slope * memory).sum(0) for slope, memory in seen])
 
@@ -131,7 +133,7 @@ class Layer(torch.autograd.Function):
             _, before, from_hidden, from_memory = steps[t]
             n = len(before)
             c[:n] += from_memory
-            tape.backward(t, h[:n] + from_hidden, c[:n], slopes[t])
+            tape.backward(h[:n] + from_hidden, c[:n], slopes[t])
             if t:
                 torch.mm(slopes[t][0], recall, out=h[:n])
                 before.copy_(steps[t - 1][0][:n])
@@ -155,13 +157,15 @@ class Unroll(torch.autograd.Function):
         w1, w2 = w1.T.contiguous(), w2.T.contiguous()
         pose, hidden1, hidden2 = start, h1, h2
         for t, (to1, was1, posed, to2, now1, was2, now2, pose_out) in enumerate(steps):
-            n = len(to1)
-            was1.copy_(hidden1[:n]), posed.copy_(pose[:n]), was2.copy_(hidden2[:n])
+            if len(to1) < len(pose):  # some are over
+                last = pose, hidden1, hidden2, c1, c2
+                pose, hidden1, hidden2, c1, c2 = (rows[: len(to1)] for rows in last)
+            was1.copy_(hidden1), posed.copy_(pose), was2.copy_(hidden2)
             gates1, gates2 = first.steps[t][0], second.steps[t][0]
             gates1.addmm_(to1, w1)
-            first.forward(t, c1[:n], now1)
+            first.forward(t, c1, now1)
             torch.addmm(b2, to2, w2, out=gates2)
-            second.forward(t, c2[:n], now2)
+            second.forward(t, c2, now2)
             torch.addmm(bo, now2, wo.T, out=pose_out).tanh_()
             c1, c2 = first.steps[t][-2], second.steps[t][-2]
             pose, hidden1, hidden2 = pose_out, now1, now2
@@ -184,14 +188,19 @@ class Unroll(torch.autograd.Function):
         back1 = in1.new_zeros(batch, in1.shape[1])  # to h1 and the pose of the step before
         back2 = in2.new_zeros(batch, 2 * units)
         c1, c2 = (in1.new_zeros(batch, units) for _ in range(2))
+        going = 0
         for t in reversed(range(len(spans))):
             from_pose, steep, to_pose = steps[t]
-            n = len(to_pose)
-            torch.mul(from_pose + back1[:n, units:], steep, out=to_pose)
-            second.backward(t, torch.addmm(back2[:n, units:], to_pose, wo), c2[:n], slopes2[t])
-            torch.mm(slopes2[t][0], w2, out=back2[:n])
-            first.backward(t, back1[:n, :units] + back2[:n, :units], c1[:n], slopes1[t])
-            torch.mm(slopes1[t][0], w1, out=back1[:n])
+            if len(to_pose) > going:  # some more end here; views are cut once
+                going = len(to_pose)
+                to1, to2, cell1, cell2 = (rows[:going] for rows in (back1, back2, c1, c2))
+                to_h1, to_posed = to1.tensor_split([units], dim=1)
+                to_now1, to_h2 = to2.tensor_split([units], dim=1)
+            torch.mul(from_pose + to_posed, steep, out=to_pose)
+            second.backward(torch.addmm(to_h2, to_pose, wo), cell2, slopes2[t])
+            torch.mm(slopes2[t][0], w2, out=to2)
+            first.backward(to_h1 + to_now1, cell1, slopes1[t])
+            torch.mm(slopes1[t][0], w1, out=to1)
         return (
             None, made1, back1[:, units:], back1[:, :units], c1, back2[:, units:], c2,
             made1.T @ in1, made2.T @ in2, made2.sum(0),
