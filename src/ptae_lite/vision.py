@@ -197,8 +197,8 @@ class EyeTraining:
             rate = torch.tensor(rate, device=device)
         self.layout = torch.contiguous_format if gpu else torch.channels_last  # the faster there
         self.eye = eye.to(device, memory_format=self.layout).train()
-        options = {"capturable": True} if gpu else {"fused": True}
-        self.optimiser = torch.optim.Adam(eye.parameters(), lr=rate, **options)
+        fused = None if gpu else True  # on a GPU PyTorch chooses
+        self.optimiser = torch.optim.Adam(eye.parameters(), lr=rate, capturable=gpu, fused=fused)
 
     def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
            progress=lambda steps: steps) -> list[float]:  # fmt: skip

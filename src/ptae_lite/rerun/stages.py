@@ -110,7 +110,7 @@ STAGES = (
         "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
-        "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 25, simulator=True),
+        "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 29, simulator=True),
     Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip
