@@ -66,7 +66,7 @@ STAGES = (
         "results/eyes_drawings.npz": arrays(dict.fromkeys((*CAES, *PCAS), 10), 0.85),
         "weights/cae.safetensors": drawing(0.25),
         "weights/plain_cae.safetensors": drawing(0.25)},
-        1, 20, simulator=True, lies=EYES),
+        1, 19, simulator=True, lies=EYES),
     Stage("features", "ptae_lite features --data {out}/recording "
           "--eye {out}/eyes/separated_3x10_seed0/eye_128000.safetensors",
           {"recording/features.npz": READOUT}, 1, simulator=True),
@@ -80,7 +80,7 @@ STAGES = (
         "results/family_curves.csv":
             table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES},
-        0, 25, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
+        0, 24, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
     Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
         "results/incongruence_stories.csv": texts(
             ("sample", "signal", "conflict_in", "conflicts", "aspects"), "answer", 0.6),
@@ -103,7 +103,7 @@ STAGES = (
             table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
         "results/supervision_sentences.csv": table(
             ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
-        1, 33),
+        1, 37),
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(
@@ -111,7 +111,7 @@ STAGES = (
         "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
-        "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 29, simulator=True),
+        "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 20, simulator=True),
     Stage("book", "ptae_lite.rerun.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip
