@@ -62,15 +62,16 @@ def test_what_is_there_is_not_trained_again(few, quick, tmp_path):
     assert len(quick) == 2 and (tmp_path / "family.csv").read_bytes() == before
 
 
-def test_the_training_of_half_an_hour_is_made_only_when_it_is_named(few, tmp_path, monkeypatch):
+def test_the_long_trainings_are_made_only_when_they_are_named(few, tmp_path, monkeypatch):
     def made(samples, variant, seed, recipe, weights):
         row = {"data": samples.name, "variant": variant, "seed": seed}
         return row, pd.DataFrame([row | {"epoch": 5}])
 
     monkeypatch.setattr(family, "run_one", made)
     regular = set(family.study(few, tmp_path, seeds=(0,))["variant"])
-    assert set(family.VARIANTS) - regular == {"PGAE, long"}
-    named = family.study(few, tmp_path, ("PGAE, long",), (0,))
+    long = ("PTAE, long", "PGAE, long")
+    assert set(family.VARIANTS) - regular == set(long)
+    named = family.study(few, tmp_path, long, (0,))
     assert set(named["variant"]) == set(family.VARIANTS)
 
 

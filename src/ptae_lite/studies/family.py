@@ -53,9 +53,10 @@ VARIANTS = {
     "PTAE, clock": Variant("ptae", {"clock": True}),
     "PTAE, no blends": Variant("ptae", recipe={"mixup": False}),
     "PRAE": Variant("prae"),
-    "PGAE, long": Variant("pgae", recipe={"epochs": 480}),  # eight times the regular
+    "PTAE, long": Variant("ptae", recipe={"epochs": 8 * RECIPES["ptae"].epochs}),
+    "PGAE, long": Variant("pgae", recipe={"epochs": 8 * RECIPES["pgae"].epochs}),
 }
-REGULAR = tuple(name for name in VARIANTS if name != "PGAE, long")  # that takes half an hour
+REGULAR = tuple(name for name in VARIANTS if "long" not in name)  # those take half an hour each
 # Sentences of the paper, and the two rows that each is about: what it says is better, and worse.
 CLAIMS = {
     "language as query is better than action": ("PTAE", "PTAE, action asks"),
