@@ -36,7 +36,7 @@ def some_batches(samples, model: str):
     recipe, train = training.RECIPES[model], samples.split("train")
     source = Source(prepare(samples, fit_scaling(samples, train)))
     rng = np.random.default_rng(0)
-    epoch = training.epoch_batches(rng, train, None, recipe, MODELS[model][1]().mix)
+    epoch = training.epoch_batches(rng, train, None, recipe, MODELS[model][1]().mix.regular)
     for part, signals in islice(epoch, WARM_UP + STEPS):
         words = torch.from_numpy(rng.integers(0, 8, len(part)))
         yield tuple(

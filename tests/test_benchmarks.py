@@ -82,6 +82,22 @@ def test_the_fast_step_of_a_cae_is_measured_beside_the_readable_one(run, monkeyp
         assert 0.3 < row.low <= row.value <= row.high < 30 and not row.at_most
 
 
+def test_a_step_of_each_model_is_measured_as_training_takes_it(run, monkeypatch):
+    module = sys.modules[run.steps.__module__]
+    monkeypatch.setattr(module, "STEPS", 2)
+    monkeypatch.setattr(module, "WARM_UP", 1)
+    rows = run.steps(SimpleNamespace(full=False))
+    assert [row.measure.split(",")[0] for row in rows] == ["PTAE", "PTAE", "PGAE"]
+    for row in rows:
+        assert 0 < row.low <= row.value <= row.high and not row.at_most
+
+
+def test_describing_ends_when_its_training_does(run, monkeypatch):
+    monkeypatch.setattr(sys.modules[run.describing.__module__], "SHORT_EPOCHS", 2)
+    (row,) = run.describing(SimpleNamespace(full=False))
+    assert row.value is None and row.how == "not reached in 2 epochs"
+
+
 def test_memory_is_that_of_the_process_at_its_largest(run):
     if not hasattr(os, "wait4"):
         pytest.skip("this system does not tell a process's memory")
