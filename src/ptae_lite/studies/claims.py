@@ -25,6 +25,7 @@ FAMILY, CHOICES = "The family, side by side", "Which of its choices matter?"
 COUNTS, PARTS = "Nought to three conflicts", "Not all conflicts are equal"
 REASON = "Where the asymmetry comes from"
 REGULAR = published.REGULAR
+SHORT = "Our training is far shorter; eight times the updates bring 1.2 %, within the margin."
 
 CLAIMS = [
     number(
@@ -46,7 +47,7 @@ CLAIMS = [
         "% NRMSE",
         group="The model",
         heading='What is "execute" worth?',
-        remark="Our recording is another, and our training far shorter.",
+        remark=SHORT,
     ),
     number(
         "PTAE repeats actions",
@@ -54,7 +55,7 @@ CLAIMS = [
         of_family("repeat_action_nrmse"),
         "% NRMSE",
         group="The model",
-        remark="Our recording is another, and our training far shorter.",
+        remark=SHORT,
     ),
     Claim(
         "The model",
@@ -82,7 +83,7 @@ CLAIMS = [
         lambda found, _: bool((found < 50).all()),
         "% of PGAE's",
         heading=FAMILY,
-        remark="Here each model has the learning rate that suits it.",
+        remark="Each has the learning rate that suits it; after long trainings it depends.",
     ),
     Claim(
         "The model",
