@@ -162,6 +162,18 @@ def test_the_length_is_most_of_the_distance_to_the_papers_errors(medians):
         assert (short - long) / (short - paper) == pytest.approx(3 / 4, abs=0.06)
 
 
+def test_everything_is_described_right_soon_on_the_authors_data_and_not_on_ours():
+    curves = pd.read_csv(artefacts.stored("results/family_curves.csv"))
+    reached = {
+        data: family.updates_to(curve, 100)
+        for data, curve in curves[curves["variant"] == "PTAE"].groupby("data")
+    }
+    theirs = reached["authors, 18 held out"]
+    assert sorted(theirs["updates"]) == [700, 800, 800]
+    assert theirs["seconds"].between(60, 100).all()
+    assert reached["recording"]["updates"].isna().all()
+
+
 @pytest.mark.parametrize(("level", "seeds"), [(75, 1), (90, 3), (95, 0)])
 def test_where_a_long_ptae_needs_less_than_half_of_pgaes_updates(level, seeds):
     curves = pd.read_csv(artefacts.stored("results/family_curves.csv"))
