@@ -83,6 +83,7 @@ def convergence(curves: pd.DataFrame, variants: dict[str, str]) -> Figure:
                 axis.plot(line[column], line["describe_accuracy"], color=colour, alpha=0.8,
                           linewidth=1.2, label=None if i else name)  # fmt: skip
         axis.set_xlabel("updates" if column == "updates" else "seconds of one core")
+        axis.locator_params(axis="x", nbins=6)
     axes[0].set(ylabel="describe accuracy, %", ylim=(-3, 103))
     axes[0].legend()
     return style.closed(figure)
