@@ -131,6 +131,9 @@ def test_a_long_training_has_eight_times_the_updates_and_takes_half_an_hour(rows
     assert set(some["seed"]) == {0, 1, 2}
     assert set(some["steps"]) == {8 * regular["steps"].iloc[0]}
     assert some["seconds"].between(20 * 60, 40 * 60).all()
+    times = {"PTAE, long": 140, "PGAE, long": 450}[long]  # the published training has, of ours
+    steps = published.STEPS[regular["model"].iloc[0]]
+    assert steps / regular["steps"].iloc[0] == pytest.approx(times, rel=0.01)
 
 
 def test_after_eight_times_the_updates_pgae_is_nearly_level_with_ptae(rows, medians):
