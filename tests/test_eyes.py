@@ -167,7 +167,7 @@ def study(seen, monkeypatch, tmp_path):
     monkeypatch.setattr(frames, "training_images", lambda folder: images)
     monkeypatch.setattr(eye_scores, "look", lambda folder, samples: looks)
     monkeypatch.setattr(eyes, "PCAS", {"PCA 10": ("pca", 10)})
-    monkeypatch.setattr(eyes, "EQUAL_COMPUTE", {"separated 3x10": 10, "plain 10": 10})
+    monkeypatch.setattr(eyes, "IN_USE", {"equal": {"separated 3x10": 10, "plain 10": 10}})
     monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, 0), (1, 0)])
     clip = type("Clip", (), {"images": np.resize(images, (100, 120, 160, 3))})
     monkeypatch.setattr(recorder, "load_sequence", lambda folder, *sample: clip)
@@ -241,7 +241,7 @@ def test_drawings_are_of_each_eye_at_its_longest(study):
 
 def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     monkeypatch.setattr(eyes, "LONG", {"separated 3x10": (40, 60), "plain 10": (20, 30)})
-    monkeypatch.setitem(eyes.FOUR_TIMES, "separated 3x10", 40)
+    monkeypatch.setitem(eyes.IN_USE, "four times", {"separated 3x10": 40, "plain 10": 40})
     regular = study()
     drawn = (study.folder / "eyes_drawings.npz").read_bytes()
     table = study(long=True)
@@ -258,6 +258,8 @@ def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     assert {path.name for path in folder.glob("features*")} == {
         "features_10.npz", "features_40.npz"
     }  # fmt: skip
+    shorter = study.folder / "work" / eyes.folder_of("plain 10", 0)
+    assert [path.name for path in shorter.glob("features*")] == ["features_10.npz"]
     assert eyes.features_are_of(folder / "features_40.npz", folder / "eye_40.safetensors")
 
 

@@ -11,6 +11,7 @@ def rows_of(*lengths, eye="plain 10", seeds=(0,)):
     """Rows whose `lengths` are (presentations, pixel error, place, both first, both last)."""
     columns = ("presentations", "pixel_error", "first_place_mm", "first_both", "last_both")
     one = pd.DataFrame(lengths, columns=columns).assign(eye=eye, split="held_out", gflop=5000.0)
+    one["device"] = "cpu"
     return pd.concat([one.assign(seed=seed) for seed in seeds], ignore_index=True)
 
 
@@ -43,6 +44,15 @@ def test_the_mean_over_seeds_counts_and_only_seeds_that_both_have():
     assert eyes_table.levelled(twice)["plain 10", 200]  # a seed counts once
     alone = rows_of((200, 0.1, 3, 80, 60), seeds=(7,))
     assert eyes_table.changes(pd.concat([short, alone])).empty
+
+
+def test_a_training_is_held_against_its_own_shorter_one_where_there_is_one():
+    here = rows_of((100, 0.1, 3, 80, 60), (200, 0.1, 3, 81, 60))
+    there = rows_of((100, 0.1, 3, 10, 60), (200, 0.1, 3, 10, 60), (400, 0.1, 3, 12, 60))
+    both = pd.concat([here, there.assign(device="cuda")])
+    assert eyes_table.changes(both).loc["plain 10"]["first_both"].to_dict() == {200: 0.5, 400: 2}
+    moved = rows_of((400, 0.1, 3, 78, 60)).assign(device="cuda")
+    assert eyes_table.changes(pd.concat([here, moved])).loc[("plain 10", 400), "first_both"] == -3
 
 
 def test_a_length_is_held_against_the_nearest_one_of_half_or_less():

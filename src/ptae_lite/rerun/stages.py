@@ -73,7 +73,7 @@ STAGES = (
     Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
           "--seeds {seeds} --out {out}/results",
           {"results/eyes_ptae.csv": table(("eye", "seed", "presentations"), SCORED, 0.9)},
-          0, 8, simulator=True),
+          0, 11, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results", {  # its PTAE is that of the studies below
         "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),

@@ -33,13 +33,19 @@ CHECKPOINTS = {
     "plain 10": (0, 64_000, 128_000, 166_960),
     "plain 30": (0, 64_000, 166_960),
 }
+EQUAL_PRESENTATIONS = dict.fromkeys(CAES, 64_000)
 EQUAL_COMPUTE = {"separated 3x10": 64_000, "plain 10": 166_960, "plain 30": 166_960}
 LONG = {  # further ones, with `long`: a day on a CPU
     "separated 3x10": (256_000, 512_000, 1_024_000),
     "plain 10": (333_920, 667_840, 1_335_680),
     "plain 30": (333_920, 667_840, 1_335_680, 2_671_360),
 }
-FOUR_TIMES = {name: 4 * length for name, length in EQUAL_COMPUTE.items()}  # PTAE sees these, too
+IN_USE = {  # of these eyes PTAE gets to see the features
+    "equal presentations": EQUAL_PRESENTATIONS,
+    "equal compute": EQUAL_COMPUTE,
+    "four times as long": {name: 4 * length for name, length in EQUAL_COMPUTE.items()},
+    "eight times as long": {name: 8 * length for name, length in EQUAL_COMPUTE.items()},
+}
 KEY = ["eye", "seed", "presentations", "split", "device"]
 PCA_EVERY = 8  # of the training images: 2,066 of them
 
@@ -203,12 +209,13 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
 def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
             device: str = "cpu") -> None:  # fmt: skip
     """An eye's rows and weights, which the bench writes, and the features that a PTAE is trained
-    with: of equal compute and of four times that, as far as it goes.
+    with: of the lengths in `IN_USE`, as far as it goes.
     """
     if name in PCAS:
         return run_pca(bench, name)
     run_cae(bench, name, seed, (*checkpoints, *further), device)
-    for presentations in {EQUAL_COMPUTE[name], FOUR_TIMES[name]} & {*checkpoints, *further}:
+    in_use = {lengths[name] for lengths in IN_USE.values()}
+    for presentations in in_use & {*checkpoints, *further}:
         bench.write_features(name, seed, presentations)
 
 

@@ -10,7 +10,7 @@ from ptae_lite.errors import ConfigError
 from ptae_lite.studies import eyes
 
 EQUAL = {  # presentations of each eye in the two fair comparisons
-    "presentations": {"separated 3x10": 64_000, "plain 10": 64_000, "plain 30": 64_000},
+    "presentations": eyes.EQUAL_PRESENTATIONS,
     "compute": eyes.EQUAL_COMPUTE,
 }
 
@@ -53,21 +53,25 @@ ERRORS, COLOURS = ("pixel_error", "first_place_mm"), ("first_both", "last_both")
 def changes(rows: pd.DataFrame) -> pd.DataFrame:
     """What the last doubling changed, by eye and presentations, on held-out patterns.
 
-    Against the nearest training of half the length or less, for the mean over the seeds that both
-    have: errors of the drawing and of the places of first frames in percent, both colours of first
-    frames and of last ones in points. Lengths without a shorter one beside them are left out.
+    Against the nearest training of half the length or less, of the same seed, and of the same
+    device where there is one; means over the pairs of a seed, then over the seeds. Errors of the
+    drawing and of the places of first frames in percent, both colours of first frames and of last
+    ones in points. Lengths without a shorter one beside them are left out.
     """
     measures, found = [*ERRORS, *COLOURS], {}
     own = rows[(rows["split"] == "held_out") & rows["eye"].isin(eyes.CAES)]
     for eye, runs in own.groupby("eye", sort=False):
-        of = {n: run.groupby("seed")[measures].mean() for n, run in runs.groupby("presentations")}
-        for presentations, now in of.items():
-            shorter = [n for n in of if 0 < n <= presentations / 2]
-            both = now.index.intersection(of[max(shorter)].index) if shorter else now.index[:0]
-            if len(both):
-                before = of[max(shorter)].loc[both].mean()
-                moved = now.loc[both].mean() - before
-                moved[[*ERRORS]] *= 100 / before[[*ERRORS]]
+        for presentations, now in runs.groupby("presentations"):
+            shorter = runs["presentations"][runs["presentations"].between(1, presentations / 2)]
+            before = runs[runs["presentations"] == shorter.max()]
+            pairs = now.merge(before, on="seed", suffixes=("", " before"))
+            same = pairs["device"] == pairs["device before"]
+            pairs = pairs[same | ~same.groupby(pairs["seed"]).transform("any")]
+            if len(pairs):
+                mean = pairs.groupby("seed").mean(numeric_only=True).mean()
+                short = mean[[f"{name} before" for name in measures]].set_axis(measures)
+                moved = mean[measures] - short
+                moved[[*ERRORS]] *= 100 / short[[*ERRORS]]
                 found[eye, presentations] = moved
     lengths = pd.MultiIndex.from_tuples(found, names=["eye", "presentations"])
     return pd.DataFrame(list(found.values()), lengths, measures)
