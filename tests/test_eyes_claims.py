@@ -200,7 +200,7 @@ def longest(rows):
 
 
 def test_the_greatest_lengths_have_three_seeds_each(rows, longest):
-    assert longest.groupby("eye")["gflop"].size().to_dict() == {
+    assert longest.groupby("eye").size().to_dict() == {
         SEPARATED: 3, PLAIN_10: 4, PLAIN_30: 3
     }  # fmt: skip
     assert set(longest.drop(PLAIN_10)["device"]) == {"cuda"}
