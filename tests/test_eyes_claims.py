@@ -1,5 +1,6 @@
 """What chapter 02 says about the eyes, held against the stored tables."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -217,6 +218,7 @@ def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows, t
 
     cpu, gpu = shown(PLAIN_30, 667_840)
     assert (len(cpu), len(gpu)) == (2, 5)
+    assert f"of seven once in {math.comb(7, 2)} cases" in text
     assert f"{cpu.min():.0f} and {cpu.max():.0f} %, where the five on a GPU show" in text
     assert f"{gpu.min():.0f} to {gpu.max():.0f}. One of the two" in text
     cpu, gpu = shown(PLAIN_30, 1_335_680)
@@ -231,6 +233,10 @@ def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows, t
     assert f"{cpu.item():.0f} % against {gpu.min():.0f} to {gpu.max():.0f}" in text
     cpu, gpu = shown(PLAIN_10, 1_335_680)
     assert cpu.item() > gpu.max()
+    for what in ("four times as long", "eight times as long"):
+        for eye, presentations in eyes.IN_USE[what].items():
+            cpu, gpu = shown(eye, presentations)
+            assert len(cpu) in (1, 2) and len(gpu) > len(cpu)
 
 
 def test_trained_longest_the_plain_eye_of_30_shows_most_colours_of_first_frames(longest, means):
@@ -323,6 +329,7 @@ def test_after_four_times_words_follow_the_colours_of_the_plain_eye(
     assert len(seen) == len(after_four) == 10
     thirty = seen[seen["eye"] == PLAIN_30].set_index("device")
     gpu, cpu = (thirty.loc[device] for device in ("cuda", "cpu"))
+    assert len({*gpu["seed"]} & {*cpu["seed"]}) == 1
     assert len(gpu) == len(cpu) == 2
     for of, said in ((gpu, "show {:.0f} and {:.0f} % of the"), (cpu, "show {:.0f} and {:.0f}, it")):
         assert said.format(*of["first_both"].sort_values()) in text

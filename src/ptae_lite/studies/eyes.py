@@ -40,7 +40,7 @@ LONG = {  # further ones, with `long`: a day on a CPU
     "plain 10": (333_920, 667_840, 1_335_680),
     "plain 30": (333_920, 667_840, 1_335_680, 2_671_360),
 }
-IN_USE = {  # of these eyes PTAE gets to see the features
+IN_USE = {  # the lengths of the eyes that a PTAE is trained with
     "equal presentations": EQUAL_PRESENTATIONS,
     "equal compute": EQUAL_COMPUTE,
     "four times as long": {name: 4 * length for name, length in EQUAL_COMPUTE.items()},
