@@ -167,7 +167,7 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
 def book(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Run every chapter and build the site into build/html."""
     say(f"Running every chapter (tier {env['PTAE_TIER']}) and building the site ...")
-    return 1 if call([python, "-m", "ptae_lite.rerun.site"], env) else 0
+    return 1 if call([python, "-m", "ptae_lite.book.site"], env) else 0
 
 
 def test(python: Path, env: dict, args: argparse.Namespace) -> int:
@@ -195,24 +195,26 @@ def lab(python: Path, env: dict, args: argparse.Namespace) -> int:
 
 def notebooks(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Write the .ipynb twins of the chapters, with their outputs."""
-    return call([python, "-m", "ptae_lite.display.pairs", *args.names], env)
+    return call([python, "-m", "ptae_lite.book.notebooks", *args.names], env)
 
 
 def doctor(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Say what is wrong here, and the command that mends each thing."""
-    return call([python, Path("src", "ptae_lite", "rerun", "doctor.py")], env)
+    return call([python, Path("src", "ptae_lite", "book", "doctor.py")], env)
 
 
 def full(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Make everything anew, from the recording to the book, and compare it with data/."""
     out = Path(args.out).absolute()
     options = ["--seeds", args.seeds, "--out", out, "--device", args.device]
-    return call([python, "-m", "ptae_lite.rerun.full", *options, *["--plan"] * args.plan], env)
+    return call(
+        [python, "-m", "ptae_lite.reproduce.pipeline", *options, *["--plan"] * args.plan], env
+    )
 
 
 def certify(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Run the chapters and write what came out into one small file; or --check such a FILE."""
-    command = [python, "-m", "ptae_lite.rerun.certificate"]
+    command = [python, "-m", "ptae_lite.reproduce.certificate"]
     if args.check:
         return call([*command, "--check", Path(args.check).absolute()], env)
     env["PTAE_TIER"] = "replay"
@@ -226,7 +228,7 @@ def course(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Write the exercises into a new folder OUT: one part for students, one for instructors."""
     # The job runs in the repository; OUT is meant from where the reader is.
     options = [Path(args.out).absolute(), "--seed", args.seed]
-    return call([python, "-m", "ptae_lite.display.course", *options], env)
+    return call([python, "-m", "ptae_lite.book.course", *options], env)
 
 
 JOBS = (book, test, lab, notebooks, doctor, certify, full, course)

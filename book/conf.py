@@ -14,7 +14,7 @@ from sphinx import addnodes
 from sphinx.util import logging
 
 from ptae_lite import artefacts
-from ptae_lite.display import viewer
+from ptae_lite.widgets import viewer
 
 logger = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ import pytest
 
 from ptae_lite import artefacts
 from ptae_lite.errors import ArtefactError
-from ptae_lite.rerun import certificate, fingerprints
+from ptae_lite.reproduce import certificate, fingerprints
 
 NAME = "Ada Müller"
 FIXED = {"scores": {"describe_accuracy": 99.537, "execute_nrmse": 1.704}}

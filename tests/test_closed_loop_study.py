@@ -231,7 +231,7 @@ def test_corrections_come_from_scenes_of_the_training_samples(monkeypatch, recor
 
 
 def test_the_panel_finds_each_episode_and_says_its_verdict(kept):
-    from ptae_lite.display import episodes as shown
+    from ptae_lite.widgets import episodes as shown
 
     *_, made = kept
     text = shown.verdict_text(made[0])
@@ -247,7 +247,7 @@ def test_the_panel_finds_each_episode_and_says_its_verdict(kept):
 
 
 def test_the_box_acts_or_says_in_a_sentence_why_not(kept, monkeypatch):
-    from ptae_lite.display import episodes as shown
+    from ptae_lite.widgets import episodes as shown
 
     trained, eye, made = kept
     box = shown.Box(trained, eye, made).widget()

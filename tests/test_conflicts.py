@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptae_lite import published
-from ptae_lite.display import conflicts
+from ptae_lite.paper import reported
+from ptae_lite.plots import incongruence as incongruence_plots
 from ptae_lite.studies.followed import FOLLOWED
 from ptae_lite.studies.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES, conditions
 
@@ -20,7 +20,7 @@ def value(signal, place, count):
 @pytest.fixture
 def table():
     rows = []
-    for k, model in enumerate(conflicts.MODELS):
+    for k, model in enumerate(incongruence_plots.MODELS):
         for seed, spread in enumerate(SPREAD):
             for condition in (c for signal in EXTRA_INPUT for c in conditions(signal)):
                 signal, place, aspects = condition
@@ -47,7 +47,7 @@ def bars(axes):
 
 
 def test_four_charts_words_above_and_motions_below(table):
-    figure = conflicts.by_conflicts(table[table["model"] == "ptae"])
+    figure = incongruence_plots.by_conflicts(table[table["model"] == "ptae"])
     titles = [axes.get_title().split(" (")[0] for axes in figure.axes]
     assert titles == ["describe", "repeat language", "repeat action", "execute"]
     for axes, signal in zip(figure.axes, titles, strict=True):
@@ -69,28 +69,28 @@ def test_four_charts_words_above_and_motions_below(table):
             )
         assert not found
         (paper,) = [line for line in axes.lines if line.get_label() == "paper's text"]
-        wanted = {count: claim.value for count, claim in published.CONFLICTS[signal].items()}
+        wanted = {count: claim.value for count, claim in reported.CONFLICTS[signal].items()}
         assert dict(zip(*paper.get_data(), strict=True)) == wanted
 
 
 def test_models_are_compared_in_every_signal(table):
-    figure = conflicts.compared(table)
+    figure = incongruence_plots.compared(table)
     for axes in figure.axes:
         signal = axes.get_title().split(" (")[0]
         found = bars(axes)
-        assert list(found) == [label for label, *_ in conflicts.MODELS.values()]
+        assert list(found) == [label for label, *_ in incongruence_plots.MODELS.values()]
         for k, (x, mean, _, _) in enumerate(found.values()):
             assert np.round(x).astype(int).tolist() == [0, 1, 2, 3, 4]
             places = [("none", 0), ("congruent", 0), *((EXTRA_INPUT[signal], n) for n in (1, 2, 3))]
             wanted = np.array([value(signal, *place) for place in places])
             np.testing.assert_allclose(mean, wanted + np.mean(SPREAD) + 0.5 * k)
-    only = conflicts.compared(table[table["model"] != "ptae_two_way"])
+    only = incongruence_plots.compared(table[table["model"] != "ptae_two_way"])
     assert list(bars(only.axes[0])) == ["regular", "trained with extra input"]
 
 
 def test_a_stack_for_each_condition_adds_up(table):
-    figure = conflicts.followed(table[table["model"] == "ptae"])
-    for axes, signal in zip(figure.axes, conflicts.SHOWN, strict=True):
+    figure = incongruence_plots.followed(table[table["model"] == "ptae"])
+    for axes, signal in zip(figure.axes, incongruence_plots.SHOWN, strict=True):
         assert axes.get_title() == signal
         names = [label.get_text() for label in axes.get_yticklabels()]
         count = {"language": 6, "action": 12}[EXTRA_INPUT[signal]] + (signal == "execute")
@@ -105,7 +105,7 @@ def test_a_stack_for_each_condition_adds_up(table):
 
 def test_attention_has_a_row_a_signal_and_a_line_an_input():
     shares = np.arange(12).reshape(4, 3) / 12
-    figure = conflicts.attention(
+    figure = incongruence_plots.attention(
         {"describe": {"regular": shares, "conflict": shares / 2}, "execute": {"regular": shares}}
     )
     assert len(figure.axes) == 8

@@ -15,12 +15,13 @@ import pandas as pd
 import pytest
 from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_network
 
-from ptae_lite import artefacts, dataset, evaluation, language, published
-from ptae_lite.display import course, hints, pairs
-from ptae_lite.display.panels import Panel
+from ptae_lite import artefacts, dataset, evaluation, language
+from ptae_lite.book import course, exercise_check, notebooks
 from ptae_lite.errors import ArtefactError
+from ptae_lite.paper import reported
+from ptae_lite.paper.claim_metrics import MARGIN
 from ptae_lite.scaling import fit_scaling
-from ptae_lite.studies.readings import MARGIN
+from ptae_lite.widgets.panels import Panel
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "book" / "exercises"
@@ -75,7 +76,7 @@ class Played:
         (check,) = self.exercises[number].tagged("check")
         try:
             run(check.source, names)
-        except hints.NotYet as error:
+        except exercise_check.NotYet as error:
             return str(error)
         return "Right."
 
@@ -96,7 +97,7 @@ def played():
 
 
 def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
-    chapters = [md.stem for md in pairs.chapters(ROOT / "book")]
+    chapters = [md.stem for md in notebooks.chapters(ROOT / "book")]
     assert set(NAMES) <= set(chapters)
     assert set(chapters[:7]) <= set(NAMES)
     assert all(2 <= len(sheet.exercises) <= 3 for sheet in SHEETS)
@@ -108,7 +109,7 @@ def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
 def test_the_stub_fails_and_the_answer_passes(name, number, seed, played):
     play = played(name, seed)
     (answer,) = play.exercises[number].tagged("answer")
-    assert play.says(number, course.stub(answer)) == hints.UNWRITTEN
+    assert play.says(number, course.stub(answer)) == exercise_check.UNWRITTEN
     assert play.says(number, answer.source) == "Right."
 
 
@@ -297,11 +298,11 @@ def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(played)
     assert set(longer["steps"]) == {8 * 1920} and longer["seed"].nunique() == 3
     assert round(longer["execute_nrmse"].median(), 2) == 1.16
     assert set(ours["steps"]) == {1920} and set(family["batch"]) == {27}
-    times = published.STEPS["ptae"] * 6 / (1920 * 27)
+    times = reported.STEPS["ptae"] * 6 / (1920 * 27)
     assert round(times) == 31 and 80 < times * ours["seconds"].median() / 60 < 100
     assert card.loc["PTAE executes", "verdict"] == "not held"
     assert card.index[0] == "PTAE describes"
-    assert published.REGULAR["execute_nrmse"].value + MARGIN["% NRMSE"] == pytest.approx(1.49)
+    assert reported.REGULAR["execute_nrmse"].value + MARGIN["% NRMSE"] == pytest.approx(1.49)
 
 
 def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simulator):
@@ -328,13 +329,13 @@ def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simula
 
 
 def test_a_check_is_one_sentence_without_a_traceback(capsys):
-    hints.check(lambda answer: None, 1)
+    exercise_check.check(lambda answer: None, 1)
     assert capsys.readouterr().out == "Right.\n"
-    with pytest.raises(hints.NotYet) as stop:
-        hints.check(lambda answer: "Add one.", 1)
+    with pytest.raises(exercise_check.NotYet) as stop:
+        exercise_check.check(lambda answer: "Add one.", 1)
     assert stop.value._render_traceback_() == ["Not yet. Add one."]
     with pytest.raises(ZeroDivisionError):  # an error of the reader's own shows its line
-        hints.check(lambda answer: answer / 0, 1)
+        exercise_check.check(lambda answer: answer / 0, 1)
 
 
 # ---------------------------------------------------------------- the source's rules
@@ -343,7 +344,7 @@ GOOD = """\
 # Exercises to chapter 09: X
 
 ```{code-cell} ipython3
-from ptae_lite.display.hints import check
+from ptae_lite.book.exercise_check import check
 SEED = 0
 ```
 
@@ -597,4 +598,4 @@ def test_nbgrader_validates_answers_and_counts_stubs_as_failed(tmp_path):
     text, _ = nbgrader(tmp_path / "made", "validate", "instructor/04_limited_supervision.ipynb")
     assert "Your notebook passes all the tests" in text, text
     text, _ = nbgrader(tmp_path / "made", "validate", "student/04_limited_supervision.ipynb")
-    assert "VALIDATION FAILED ON 1 CELL(S)" in text and hints.UNWRITTEN[:40] in text, text
+    assert "VALIDATION FAILED ON 1 CELL(S)" in text and exercise_check.UNWRITTEN[:40] in text, text

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from ptae_lite.display import curves
+from ptae_lite.plots import model as model_plots
 from ptae_lite.robot.arm import JOINT_NAMES
 
 
@@ -23,7 +23,7 @@ def drawn(figure):
 def test_trajectories_are_in_degrees_over_the_recorded_ones():
     truth = np.radians(np.arange(50)[:, None] + 10 * np.arange(5))
     made = {"one": np.zeros((99, 5)), "two": np.radians(np.full((99, 5), 7.0))}
-    figure = drawn(curves.trajectories(truth, made, "title"))
+    figure = drawn(model_plots.trajectories(truth, made, "title"))
     assert [axes.get_title() for axes in figure.axes] == list(JOINT_NAMES)
     for j, axes in enumerate(figure.axes):
         np.testing.assert_allclose(line(axes, "recorded")[1], np.arange(50) + 10 * j)
@@ -34,7 +34,7 @@ def test_trajectories_are_in_degrees_over_the_recorded_ones():
 
 def test_an_attention_map_has_a_picture_for_each_head():
     weights = np.random.default_rng(0).random((4, 6, 100))
-    figure = drawn(curves.attention_map(weights, ["describe", "<eos>"], 50))
+    figure = drawn(model_plots.attention_map(weights, ["describe", "<eos>"], 50))
     pictures = [axes.images[0] for axes in figure.axes if axes.images]
     assert len(pictures) == 4
     for head, picture in enumerate(pictures):
@@ -44,7 +44,7 @@ def test_an_attention_map_has_a_picture_for_each_head():
 
 def test_a_learning_curve_has_a_point_for_each_epoch():
     history = np.array([[3.0, 0.1], [2.0, 0.05], [1.0, 0.01]])
-    figure = drawn(curves.learning_curve(history))
+    figure = drawn(model_plots.learning_curve(history))
     for axes, column in zip(figure.axes, history.T, strict=True):
         assert axes.get_yscale() == "log"
         assert axes.lines[0].get_xdata().tolist() == [1, 2, 3]

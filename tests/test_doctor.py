@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from ptae_lite import artefacts
-from ptae_lite.rerun import doctor
-from ptae_lite.rerun.doctor import GOOD, PROBLEM, WARNING
+from ptae_lite.book import doctor
+from ptae_lite.book.doctor import GOOD, PROBLEM, WARNING
 
 ROOT = artefacts.ROOT
 PINS = 'numpy==2.0\ntorch==2.13.0\npybullet==3.2.7; python_version < "{}"\n# x==1\n'
@@ -207,7 +207,7 @@ def test_a_newer_python_runs_what_comes_before_any_package():
     if not pythons:
         pytest.skip("there is no Python after 3.11 here")
     for python in pythons:
-        for command in (["run.py", "--help"], ["src/ptae_lite/rerun/doctor.py"]):
+        for command in (["run.py", "--help"], ["src/ptae_lite/book/doctor.py"]):
             done = subprocess.run([python, *command], cwd=ROOT, capture_output=True, text=True)
             assert done.returncode in (0, 1) and not done.stderr, done.stderr
         assert done.stdout.startswith("good     Python    3.1")

@@ -3,11 +3,12 @@
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts, dataset, published
+from ptae_lite import artefacts, dataset
 from ptae_lite.evaluation import references
+from ptae_lite.paper import reported
+from ptae_lite.paper.claim_metrics import MARGIN
 from ptae_lite.scaling import fit_scaling
 from ptae_lite.studies import family
-from ptae_lite.studies.readings import MARGIN
 
 ELDERS = ("PRAE", "PGAE", "PVAE")
 SWAPPED = "execute_speed_word_swapped"
@@ -59,7 +60,7 @@ def test_what_is_described_wrongly_is_most_of_all_what_has_no_twin(rows):
 def test_the_published_pgae_has_500_times_as_many_updates():
     table = pd.read_csv(artefacts.stored("results/family.csv"))
     theirs = table[(table["data"] != "recording") & (table["variant"] == "PGAE")]
-    assert 500 < published.STEPS["pgae"] / theirs["steps"].max() < 600
+    assert 500 < reported.STEPS["pgae"] / theirs["steps"].max() < 600
 
 
 def test_what_is_taken_away_costs_what_the_page_says(rows):
@@ -132,7 +133,7 @@ def test_a_long_training_has_eight_times_the_updates_and_takes_half_an_hour(rows
     assert set(some["steps"]) == {8 * regular["steps"].iloc[0]}
     assert some["seconds"].between(20 * 60, 40 * 60).all()
     times = {"PTAE, long": 140, "PGAE, long": 450}[long]  # the published training has, of ours
-    steps = published.STEPS[regular["model"].iloc[0]]
+    steps = reported.STEPS[regular["model"].iloc[0]]
     assert steps / regular["steps"].iloc[0] == pytest.approx(times, rel=0.01)
 
 
@@ -159,7 +160,7 @@ def test_after_eight_times_the_updates_pgae_is_nearly_level_with_ptae(rows, medi
 def test_the_length_is_most_of_the_distance_to_the_papers_errors(medians):
     """As the report card says of both rows, and the course of the first."""
     for column in ("execute_nrmse", "repeat_action_nrmse"):
-        paper = published.REGULAR[column].value
+        paper = reported.REGULAR[column].value
         short, long = medians.loc[["PTAE", "PTAE, long"], column]
         assert round(long, 1) == 1.2 and long < paper + MARGIN["% NRMSE"]
         assert (short - long) / (short - paper) == pytest.approx(3 / 4, abs=0.06)

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ptae_lite import artefacts, dataset, published
+from ptae_lite import artefacts, dataset
 from ptae_lite.evaluation import respond
 from ptae_lite.language import parse, pattern
 from ptae_lite.models import checkpoint
+from ptae_lite.paper import reported
 from ptae_lite.signals import Source
 from ptae_lite.studies import followed, incongruence, incongruence_table
 from ptae_lite.studies.incongruence import EXTRA_INPUT, Condition
@@ -65,7 +66,7 @@ def test_the_asymmetry_is_there_with_every_seed(costs):
 def test_our_curves_end_worse_than_the_papers_but_in_repeat_language(regular):
     for signal, place in EXTRA_INPUT.items():
         rows = regular[(regular["signal"] == signal) & (regular["conflict_in"] == place)]
-        three, paper = rows[rows["conflicts"] == 3]["value"], published.CONFLICTS[signal][3].value
+        three, paper = rows[rows["conflicts"] == 3]["value"], reported.CONFLICTS[signal][3].value
         if signal == "repeat language":
             assert (three == paper).all()
         else:

@@ -16,7 +16,7 @@ import urllib.request
 import pytest
 from pages import ROOT, SHOTS, chromium, until
 
-from ptae_lite.display import pairs
+from ptae_lite.book import notebooks
 
 TOKEN = "reader"
 SETTINGS = "@jupyterlab/apputils-extension/notification.jupyterlab-settings"
@@ -25,7 +25,7 @@ RUN_S = 480  # for a chapter
 
 def pytest_generate_tests(metafunc):
     if "chapter" in metafunc.fixturenames:
-        names = [md.stem for md in pairs.chapters(ROOT / "book")]
+        names = [md.stem for md in notebooks.chapters(ROOT / "book")]
         if metafunc.config.getoption("--lab") != "all":
             names = [name for name in names if name[:2] in ("01", "05")]
         metafunc.parametrize("chapter", names)

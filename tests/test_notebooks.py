@@ -11,11 +11,11 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
-from ptae_lite.display import pairs
+from ptae_lite.book import notebooks
 from ptae_lite.errors import ArtefactError
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
-CHAPTERS = pairs.chapters(BOOK)
+CHAPTERS = notebooks.chapters(BOOK)
 PAIRS = [md for md in CHAPTERS if md.with_suffix(".ipynb").exists()]  # the rest fails once, below
 MAX_LINES = 25
 MACHINE_PATH = re.compile(
@@ -102,7 +102,9 @@ def unpaired(book):
 
 
 def too_large(book):
-    return [path.name for path in book.glob("*.ipynb") if path.stat().st_size > pairs.LIMIT_BYTES]
+    return [
+        path.name for path in book.glob("*.ipynb") if path.stat().st_size > notebooks.LIMIT_BYTES
+    ]
 
 
 # ---------------------------------------------------------------- every chapter
@@ -118,7 +120,7 @@ def test_no_notebook_is_too_large():
 
 @pytest.mark.parametrize("md", PAIRS, ids=lambda path: path.stem)
 def test_the_pair_agrees(md):
-    assert pairs.compare(md, md.with_suffix(".ipynb")) == []
+    assert notebooks.compare(md, md.with_suffix(".ipynb")) == []
 
 
 @pytest.mark.parametrize("md", CHAPTERS, ids=lambda path: path.stem)
@@ -210,7 +212,7 @@ def test_a_rule_finds_a_missing_tier():
 
 def test_a_missing_half_and_a_large_file_are_found(tmp_path):
     (tmp_path / "01_one.md").touch()
-    (tmp_path / "02_two.ipynb").write_bytes(b" " * (pairs.LIMIT_BYTES + 1))
+    (tmp_path / "02_two.ipynb").write_bytes(b" " * (notebooks.LIMIT_BYTES + 1))
     (tmp_path / "index.md").touch()
     assert unpaired(tmp_path) == ["01_one", "02_two"]
     assert too_large(tmp_path) == ["02_two.ipynb"]
@@ -251,15 +253,15 @@ def pair(tmp_path):
     """A small chapter and its twin, which was made without a kernel."""
     md = tmp_path / "01_small.md"
     md.write_text(CHAPTER, encoding="utf-8")
-    notebook = pairs.read(md)
-    pairs.set_ids(notebook)
+    notebook = notebooks.read(md)
+    notebooks.set_ids(notebook)
     ipynb = md.with_suffix(".ipynb")
-    ipynb.write_bytes(pairs.to_bytes(notebook, ipynb.name))
+    ipynb.write_bytes(notebooks.to_bytes(notebook, ipynb.name))
     return md, ipynb
 
 
 def test_compare_a_pair_that_agrees(pair):
-    assert pairs.compare(*pair) == []
+    assert notebooks.compare(*pair) == []
 
 
 @pytest.mark.parametrize(
@@ -277,7 +279,7 @@ def test_compare_a_pair_that_agrees(pair):
 def test_compare_finds(pair, old, new, complaint):
     md, ipynb = pair
     ipynb.write_text(ipynb.read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
-    (found,) = pairs.compare(md, ipynb)
+    (found,) = notebooks.compare(md, ipynb)
     assert complaint in found
 
 
@@ -286,7 +288,7 @@ def test_compare_finds_cells_of_another_type_or_number(pair):
     notebook = nbformat.read(ipynb, as_version=4)
     notebook.cells = [new_code_cell("# A chapter", id="a"), *notebook.cells[1:], new_code_cell("x")]
     nbformat.write(notebook, ipynb)
-    number, kind = pairs.compare(md, ipynb)
+    number, kind = notebooks.compare(md, ipynb)
     assert "has 2 cells" in number and "has 3" in number
     assert "cell_type 'markdown' against 'code'" in kind
 
@@ -295,9 +297,9 @@ def test_compare_finds_cells_of_another_type_or_number(pair):
 def test_a_twin_is_run_in_the_default_tier_and_is_the_same_each_time(pair, monkeypatch):
     md, ipynb = pair
     monkeypatch.setenv("PTAE_TIER", "full")
-    pairs.write(md)
+    notebooks.write(md)
     first = ipynb.read_bytes()
-    pairs.write(md)
+    notebooks.write(md)
     assert ipynb.read_bytes() == first
     (output,) = nbformat.read(ipynb, as_version=4).cells[1].outputs
     assert (output.name, output.text) == ("stdout", "replay\nend\n")
@@ -307,8 +309,8 @@ def test_a_failing_chapter_leaves_its_twin_alone(pair, monkeypatch, capsys):
     md, ipynb = pair
     before = ipynb.read_bytes()
     md.write_text(CHAPTER.replace('print("end")', "1 / 0"), encoding="utf-8")
-    monkeypatch.setattr(pairs, "chapters", lambda book, names: [md])
-    assert pairs.main([]) == 1
+    monkeypatch.setattr(notebooks, "chapters", lambda book, names: [md])
+    assert notebooks.main([]) == 1
     assert "ZeroDivisionError" in capsys.readouterr().err
     assert ipynb.read_bytes() == before
 
@@ -317,7 +319,7 @@ def outputs_after_cleaning(*bundles):
     cell = new_code_cell(outputs=[new_output("display_data", data=data) for data in bundles])
     cell.metadata["execution"] = {"iopub.status.busy": "2026-01-01"}
     notebook = new_notebook(cells=[cell], metadata={"widgets": {}})
-    pairs.clean(notebook)
+    notebooks.clean(notebook)
     assert "widgets" not in notebook.metadata and "execution" not in cell.metadata
     return [output.data for output in notebook.cells[0].outputs]
 
@@ -326,8 +328,8 @@ def test_viewers_and_widgets_are_dropped_and_what_stands_in_for_them_stays():
     viewer, panel = "<iframe data-ptae-embed></iframe>", "<b>panel</b>"
     assert outputs_after_cleaning(
         {"text/html": viewer, "image/png": "AA=="},
-        {"text/html": panel, pairs.WIDGET_VIEW: {"model_id": "1"}, "text/plain": "panel"},
-        {pairs.WIDGET_VIEW: {"model_id": "2"}},
+        {"text/html": panel, notebooks.WIDGET_VIEW: {"model_id": "1"}, "text/plain": "panel"},
+        {notebooks.WIDGET_VIEW: {"model_id": "2"}},
     ) == [{"image/png": "AA=="}, {"text/html": panel, "text/plain": "panel"}]
 
 
@@ -339,7 +341,7 @@ def test_a_viewer_without_a_picture_is_an_error():
 def test_ids_follow_the_content():
     def ids(*sources):
         notebook = notebook_of(*sources)
-        pairs.set_ids(notebook)
+        notebooks.set_ids(notebook)
         return [cell.id for cell in notebook.cells[1:]]
 
     assert ids("a", "b") == ids("a", "b")
@@ -349,13 +351,13 @@ def test_ids_follow_the_content():
 
 def test_a_large_notebook_is_refused():
     with pytest.raises(ArtefactError, match="limit is 500000"):
-        pairs.to_bytes(notebook_of("x" * pairs.LIMIT_BYTES), "01_large.ipynb")
+        notebooks.to_bytes(notebook_of("x" * notebooks.LIMIT_BYTES), "01_large.ipynb")
 
 
 def test_chapters_are_found_by_name(tmp_path):
     for name in ("02_b.md", "01_a.md", "index.md", "01_a.ipynb"):
         (tmp_path / name).touch()
-    assert [path.name for path in pairs.chapters(tmp_path)] == ["01_a.md", "02_b.md"]
-    assert pairs.chapters(tmp_path, ["02_b.ipynb"]) == [tmp_path / "02_b.md"]
+    assert [path.name for path in notebooks.chapters(tmp_path)] == ["01_a.md", "02_b.md"]
+    assert notebooks.chapters(tmp_path, ["02_b.ipynb"]) == [tmp_path / "02_b.md"]
     with pytest.raises(ArtefactError, match="No chapter 3 in .*01_a, 02_b"):
-        pairs.chapters(tmp_path, ["3"])
+        notebooks.chapters(tmp_path, ["3"])

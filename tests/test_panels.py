@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ptae_lite.display.panels import Panel
 from ptae_lite.errors import PTAEError
+from ptae_lite.widgets.panels import Panel
 
 SHARES = [1, 10, 66.6]
 SIGNALS = ["describe", "execute"]

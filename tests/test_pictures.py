@@ -8,8 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from ptae_lite.display import pictures
 from ptae_lite.errors import PTAEError
+from ptae_lite.plots import simulation as simulation_plots
 from ptae_lite.robot import arm
 from ptae_lite.robot.inverse import home_rad
 
@@ -34,9 +34,9 @@ def drawn(figure):
 
 def test_a_grid_holds_every_image_at_its_place():
     rows = {"a": [image(v) for v in (10, 20, 30)], "b": [image(v) for v in (40, 50, 60)]}
-    (axes,) = drawn(pictures.grid(rows, ["x", "y", "z"])).axes
+    (axes,) = drawn(simulation_plots.grid(rows, ["x", "y", "z"])).axes
     sheet = axes.images[0].get_array()
-    gap = pictures.GAP_PX
+    gap = simulation_plots.GAP_PX
     assert sheet.shape == (2 * 12 + gap, 3 * 16 + 2 * gap, 3)
     for r, values in enumerate(((10, 20, 30), (40, 50, 60))):
         for c, value in enumerate(values):
@@ -48,9 +48,9 @@ def test_a_grid_holds_every_image_at_its_place():
 
 
 def test_groups_of_a_grid_have_a_wider_gap_and_a_heading_each():
-    (axes,) = drawn(pictures.grid({"a": [image(9)] * 3}, ["x", "y"], groups=[2, 1])).axes
+    (axes,) = drawn(simulation_plots.grid({"a": [image(9)] * 3}, ["x", "y"], groups=[2, 1])).axes
     sheet = axes.images[0].get_array()
-    assert sheet.shape[1] == 3 * 16 + pictures.GAP_PX + pictures.GROUP_GAP_PX
+    assert sheet.shape[1] == 3 * 16 + simulation_plots.GAP_PX + simulation_plots.GROUP_GAP_PX
     assert axes.get_xticks().tolist() == [18.5, 65]
 
 
@@ -65,12 +65,12 @@ def test_groups_of_a_grid_have_a_wider_gap_and_a_heading_each():
 )
 def test_a_ragged_grid_is_refused(rows, groups):
     with pytest.raises(PTAEError, match=r"each row of this grid must have \d images"):
-        pictures.grid(rows, groups=groups)
+        simulation_plots.grid(rows, groups=groups)
 
 
 def test_marked_images_have_their_marks():
     points = {name: np.array([[10, 20], [30, 40]]) + i for i, name in enumerate("abc")}
-    figure = drawn(pictures.marked([image(0)] * 2, points, ["one", "two"]))
+    figure = drawn(simulation_plots.marked([image(0)] * 2, points, ["one", "two"]))
     for i, axes in enumerate(figure.axes):
         places = {one.get_label(): one.get_xydata().tolist() for one in axes.lines}
         assert [places[name] for name in points] == [[points[name][i].tolist()] for name in points]
@@ -79,9 +79,11 @@ def test_marked_images_have_their_marks():
 def test_the_arm_is_drawn_with_a_path_and_other_poses(cubes):
     pose = home_rad()
     path = arm.fingertip(pose + np.linspace(0, 0.1, 20)[:, None])
-    bare = drawn(pictures.arm_drawing(pose, cubes, ("red", "blue")))
+    bare = drawn(simulation_plots.arm_drawing(pose, cubes, ("red", "blue")))
     full = drawn(
-        pictures.arm_drawing(pose, cubes, ("red", "blue"), path_m=path, sticks_rad=[pose] * 2)
+        simulation_plots.arm_drawing(
+            pose, cubes, ("red", "blue"), path_m=path, sticks_rad=[pose] * 2
+        )
     )
     assert len(bare.axes[0].lines) == 0 and len(full.axes[0].lines) == 3
     np.testing.assert_allclose(np.transpose(full.axes[0].lines[0].get_data_3d()), path)
@@ -89,13 +91,13 @@ def test_the_arm_is_drawn_with_a_path_and_other_poses(cubes):
 
 def test_lines_have_their_names():
     curve, dot = (np.arange(3), np.arange(3)), ([1], [2])
-    figure = drawn(pictures.lines({"a": curve, "b": curve}, "x", "y", dots={"c": dot}))
+    figure = drawn(simulation_plots.lines({"a": curve, "b": curve}, "x", "y", dots={"c": dot}))
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["a", "b", "c"]
 
 
 def test_joints_are_in_degrees_over_seconds():
     track = np.radians(np.arange(50)[:, None] + np.zeros(5))
-    figure = drawn(pictures.joints({"slow": [track, track], "fast": [track]}))
+    figure = drawn(simulation_plots.joints({"slow": [track, track], "fast": [track]}))
     assert [axes.get_title() for axes in figure.axes] == list(arm.JOINT_NAMES)
     for axes in figure.axes:
         assert len(axes.lines) == 3
@@ -105,33 +107,33 @@ def test_joints_are_in_degrees_over_seconds():
 
 def test_travel_has_a_dot_for_each_sample():
     rows = {"push": {"named": np.arange(9.0), "other": np.zeros(9)}, "pull": {"named": np.ones(4)}}
-    (axes,) = drawn(pictures.travel(rows)).axes
+    (axes,) = drawn(simulation_plots.travel(rows)).axes
     assert [len(one.get_xdata()) for one in axes.lines] == [9, 9, 4]
     assert [label.get_text() for label in axes.get_yticklabels()] == ["push", "pull"]
 
 
 def test_a_png_is_small_and_the_same_bytes_each_time(cubes, monkeypatch):
     monkeypatch.setitem(plt.rcParams, "figure.constrained_layout.use", True)  # as in a chapter
-    figure = pictures.arm_drawing(home_rad(), cubes, ("red", "blue"))
-    made = pictures.png(figure)
-    assert made == pictures.png(figure) and len(made) < 100_000
+    figure = simulation_plots.arm_drawing(home_rad(), cubes, ("red", "blue"))
+    made = simulation_plots.png(figure)
+    assert made == simulation_plots.png(figure) and len(made) < 100_000
     assert Image.open(io.BytesIO(made)).format == "PNG"
 
 
 def test_a_chart_is_the_small_png():
-    figure = pictures.lines({"a": ([0, 1], [2, 3])}, "x", "y")
-    shown = pictures.chart(figure)
-    assert shown.format == "png" and shown.data == pictures.png(figure)
+    figure = simulation_plots.lines({"a": ([0, 1], [2, 3])}, "x", "y")
+    shown = simulation_plots.chart(figure)
+    assert shown.format == "png" and shown.data == simulation_plots.png(figure)
 
 
 def test_a_photo_is_a_jpeg_of_the_figure():
-    shown = pictures.photo(pictures.grid({"a": [image(90)]}))
+    shown = simulation_plots.photo(simulation_plots.grid({"a": [image(90)]}))
     assert Image.open(io.BytesIO(shown.data)).format == "JPEG"
 
 
 def test_components_are_stacked():
     parts = {"colour": np.array([1.0, 2.0]), "rest": np.array([60.0, 37.0])}
-    bars, plot = drawn(pictures.components(parts, {"left": ([1, 2], [30, 99])}, "%")).axes
+    bars, plot = drawn(simulation_plots.components(parts, {"left": ([1, 2], [30, 99])}, "%")).axes
     tops = [patch.get_y() + patch.get_height() for patch in bars.patches]
     assert tops == [1, 2, 61, 39]
     assert plot.lines[0].get_ydata().tolist() == [30, 99]

@@ -7,7 +7,7 @@ import pytest
 from nbclient import NotebookClient
 from nbformat.v4 import new_code_cell, new_notebook
 
-from ptae_lite.display import progress
+from ptae_lite.widgets import progress
 
 
 @pytest.fixture
@@ -70,7 +70,7 @@ def test_outside_a_notebook_the_work_goes_on(capsys):
 @pytest.mark.skipif(sys.platform == "win32", reason="kernels start slowly there")
 def test_a_notebook_keeps_one_output_with_the_last_state():
     code = (
-        "import time\nfrom ptae_lite.display import progress\n"
+        "import time\nfrom ptae_lite.widgets import progress\n"
         "for _ in progress.line(range(4)): time.sleep(0.15)"
     )
     notebook = new_notebook(cells=[new_code_cell(code)])

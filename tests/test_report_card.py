@@ -10,34 +10,34 @@ import pandas as pd
 import pytest
 import torch
 
-from ptae_lite import artefacts, dataset, published
-from ptae_lite.display import report_card as shown
+from ptae_lite import artefacts, dataset
 from ptae_lite.models import checkpoint
-from ptae_lite.studies import readings, report_card
-from ptae_lite.studies.claims import CLAIMS
-from ptae_lite.studies.readings import MARGIN, Claim, Tables, always, number
-from ptae_lite.studies.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
+from ptae_lite.paper import claim_metrics, report_card, reported
+from ptae_lite.paper.claim_metrics import MARGIN, Claim, Tables, always, number
+from ptae_lite.paper.claims import CLAIMS
+from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
+from ptae_lite.widgets import report_card as shown
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 NOTHING = Tables(*[pd.DataFrame()] * 5)
 PINNED = Path(__file__).parent / "verdicts.csv"
 
 
-def claim(values, reads=published.AT_LEAST, **more):
-    paper = published.Claim(80.0, "80 %", "somewhere", reads)
+def claim(values, reads=reported.AT_LEAST, **more):
+    paper = reported.Claim(80.0, "80 %", "somewhere", reads)
     return number("it is so", paper, lambda _: values, group="some", **more)
 
 
 @pytest.mark.parametrize(
     ("values", "reads", "expected"),
     [
-        ([80, 99, 99], published.AT_LEAST, HELD),
-        ([70, 78, 99], published.AT_LEAST, HELD),  # the median, within the margin
-        ([70, 77.9, 99], published.AT_LEAST, NOT_HELD),
-        ([1, 2, 3], published.AT_MOST, HELD),
-        ([82.1] * 3, published.AT_MOST, NOT_HELD),
-        ([99], published.AT_LEAST, CAVEAT),  # one training
-        ([], published.AT_LEAST, NOT_TESTABLE),
+        ([80, 99, 99], reported.AT_LEAST, HELD),
+        ([70, 78, 99], reported.AT_LEAST, HELD),  # the median, within the margin
+        ([70, 77.9, 99], reported.AT_LEAST, NOT_HELD),
+        ([1, 2, 3], reported.AT_MOST, HELD),
+        ([82.1] * 3, reported.AT_MOST, NOT_HELD),
+        ([99], reported.AT_LEAST, CAVEAT),  # one training
+        ([], reported.AT_LEAST, NOT_TESTABLE),
     ],
 )
 def test_a_number_is_read_in_one_direction(values, reads, expected):
@@ -45,7 +45,7 @@ def test_a_number_is_read_in_one_direction(values, reads, expected):
 
 
 def test_the_margin_of_errors_is_narrower():
-    own = published.Claim(1.0, "1 %", "somewhere", published.AT_MOST)
+    own = reported.Claim(1.0, "1 %", "somewhere", reported.AT_MOST)
     for error, expected in ((1.5, HELD), (1.51, NOT_HELD)):
         one = number("errs", own, lambda _, e=error: [e] * 3, "% NRMSE", group="some")
         assert report_card.verdict(one, NOTHING)[0] == expected
@@ -99,10 +99,10 @@ def test_two_lengths_are_compared_with_the_seeds_of_both():
         columns=["model", "mode", "share", "variant", "seed", "describe_accuracy"],
     )  # fmt: skip
     tables = NOTHING._replace(supervision=rows.sample(frac=1, random_state=0))
-    read = partial(readings.with_labels, "ptae", "describe_accuracy", "samples", 1)
-    short, long = readings.both_lengths(read, 1)(tables)
+    read = partial(claim_metrics.with_labels, "ptae", "describe_accuracy", "samples", 1)
+    short, long = claim_metrics.both_lengths(read, 1)(tables)
     assert short.to_dict() == {0: 5, 1: 6} and long.to_dict() == {0: 20, 1: 30}
-    assert readings.both_lengths(read, 5) is None
+    assert claim_metrics.both_lengths(read, 5) is None
     assert read()(tables).tolist() == [9, 9]
 
 
@@ -111,7 +111,9 @@ def test_models_are_compared_seed_by_seed_where_both_have_it():
         [("ptae", 0, 50), ("ptae", 1, 60), ("ptae", 2, 70), ("pgae", 2, 65), ("pgae", 0, 20)],
         columns=["model", "seed", "describe_accuracy"],
     ).assign(mode="samples", share=10, variant="balanced")
-    found = readings.ahead("describe_accuracy", "samples", 10)(NOTHING._replace(supervision=rows))
+    found = claim_metrics.ahead("describe_accuracy", "samples", 10)(
+        NOTHING._replace(supervision=rows)
+    )
     assert found.to_dict() == {0: 30, 2: 5}
 
 
@@ -129,9 +131,9 @@ def card():
 
 def test_every_claim_has_one_row_and_every_number_of_the_text_is_among_them(card):
     assert card["claim"].is_unique and len(card) == len(CLAIMS)
-    numbers = [c for by in published.BY_SHARE.values() for c in by.values()]
-    numbers += [c for by in published.CONFLICTS.values() for c in by.values()]
-    for one in (*published.REGULAR.values(), *numbers):
+    numbers = [c for by in reported.BY_SHARE.values() for c in by.values()]
+    numbers += [c for by in reported.CONFLICTS.values() for c in by.values()]
+    for one in (*reported.REGULAR.values(), *numbers):
         assert one.says in set(card["paper"]) or one.says == "the regular model"
 
 
@@ -180,7 +182,7 @@ def test_this_run_is_that_of_the_weights_at_hand(model, monkeypatch):
     mine = run.family.iloc[0]
     rows = report_card.stored().family
     was = rows[(rows["variant"] == "PTAE") & (rows["seed"] == 0)].iloc[0]
-    for column in published.REGULAR:
+    for column in reported.REGULAR:
         assert mine[column] == pytest.approx(was[column], abs=1)
     card = report_card.card(report_card.stored(), run).set_index("claim")
     assert card.loc["PTAE describes", "this run"] == f"{mine['describe_accuracy']:.1f} %"

@@ -13,11 +13,11 @@ import pytest
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone
-from ptae_lite.rerun import beside, checks, full, report
-from ptae_lite.rerun.checks import arrays, judge, near, pictures, table
-from ptae_lite.rerun.full import Rerun, Settings
-from ptae_lite.rerun.stages import STAGES, Stage
-from ptae_lite.rerun.view import View, duration, share_in
+from ptae_lite.reproduce import checks, pipeline, report, run_parallel
+from ptae_lite.reproduce.checks import arrays, judge, near, pictures, table
+from ptae_lite.reproduce.pipeline import Rerun, Settings
+from ptae_lite.reproduce.stages import STAGES, Stage
+from ptae_lite.reproduce.view import View, duration, share_in
 from ptae_lite.studies import tables
 
 CHECK = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
@@ -60,7 +60,7 @@ def test_every_stored_file_is_made_by_one_stage():
     made = [name for one in STAGES for name in one.makes]
     assert len(made) == len(set(made))
     lacking = set(artefacts.manifest()) - set(made)
-    assert not lacking, f"add to a stage in rerun/stages.py, or add a stage: {sorted(lacking)}"
+    assert not lacking, f"add to a stage in reproduce/stages.py, or add a stage: {sorted(lacking)}"
 
 
 def test_every_stage_is_a_command_that_exists():
@@ -68,8 +68,8 @@ def test_every_stage_is_a_command_that_exists():
 
     written = [one.arguments(out=Path("o"), seeds=range(2), device="cpu") for one in STAGES]
     for words in written:
-        own = words[1:] if words[0] == beside.__name__ else words
-        for module, *arguments in beside.commands(own):
+        own = words[1:] if words[0] == run_parallel.__name__ else words
+        for module, *arguments in run_parallel.commands(own):
             if module == "ptae_lite":
                 assert vars(parser().parse_args(arguments))["run"]
             else:
@@ -94,7 +94,7 @@ def test_commands_run_beside_each_other(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for me, other in (("left", "right"), ("right", "left")):
         Path(f"{me}.py").write_text(meet(me, other))
-    assert beside.main(["left", "+", "right"]) == 0
+    assert run_parallel.main(["left", "+", "right"]) == 0
 
 
 def test_one_of_several_that_fails_is_a_failure_and_the_others_are_finished(tmp_path, monkeypatch):
@@ -103,7 +103,7 @@ def test_one_of_several_that_fails_is_a_failure_and_the_others_are_finished(tmp_
         "import pathlib, time\ntime.sleep(1)\npathlib.Path('done').touch()\n"
     )
     Path("killed.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n")
-    assert beside.main(["killed", "+", "slow"]) == 1
+    assert run_parallel.main(["killed", "+", "slow"]) == 1
     assert Path("done").exists()
 
 
@@ -261,7 +261,7 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(settings):
 
 def test_a_run_of_another_version_of_the_library_is_not_gone_on_with(tiny, settings, monkeypatch):
     Rerun(settings, (stage("one"),)).go(io.StringIO())
-    monkeypatch.setattr(full, "library", lambda: "another")
+    monkeypatch.setattr(pipeline, "library", lambda: "another")
     with pytest.raises(PTAEError, match="begun with another version of the library"):
         Rerun(settings, (stage("one"),))
 
@@ -275,7 +275,7 @@ def test_a_damaged_record_of_what_is_done_is_refused(settings):
 
 def test_the_plan_is_shown_without_doing_anything(tmp_path, capsys):
     out = tmp_path / "new"
-    assert full.main(["--plan", "--seeds", "1", "--out", str(out)]) == 0
+    assert pipeline.main(["--plan", "--seeds", "1", "--out", str(out)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == len(STAGES) + 1 and not out.exists()
     assert re.match(r"to do +5 min  python -m ptae_lite record --out", lines[0])
@@ -283,7 +283,7 @@ def test_the_plan_is_shown_without_doing_anything(tmp_path, capsys):
 
 
 def test_a_full_run_into_the_data_folder_is_refused(capsys):
-    assert full.main(["--out", str(artefacts.DATA / "full")]) == 1
+    assert pipeline.main(["--out", str(artefacts.DATA / "full")]) == 1
     assert (
         "data/ holds what the book is built on; write into build/full/" in capsys.readouterr().err
     )
@@ -291,7 +291,7 @@ def test_a_full_run_into_the_data_folder_is_refused(capsys):
 
 def test_a_second_run_in_the_same_folder_is_refused(tmp_path, capsys):
     with alone(tmp_path / "out"):
-        assert full.main(["--out", str(tmp_path / "out")]) == 1
+        assert pipeline.main(["--out", str(tmp_path / "out")]) == 1
     message = f"full: another run is at work on {tmp_path / 'out'}; wait until it ends"
     assert message in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

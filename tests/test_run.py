@@ -186,7 +186,7 @@ def test_children_get_fixed_settings():
 def test_the_book_is_built_by_the_environment(status, ends, calls, monkeypatch, capsys):
     monkeypatch.setattr(run, "call", lambda command, env: calls.append(command) or status)
     assert run.book("py", {"PTAE_TIER": "quick"}, None) == ends
-    assert calls == [["py", "-m", "ptae_lite.rerun.site"]]
+    assert calls == [["py", "-m", "ptae_lite.book.site"]]
     assert "tier quick" in capsys.readouterr().out
 
 
@@ -221,7 +221,7 @@ def test_a_certificate_runs_the_chapters_as_they_are_stored(calls, monkeypatch, 
 def test_a_full_rerun_hands_its_options_on(calls):
     run.full("py", {}, run.parse(["full", "--seeds", "1", "--plan"]))
     assert calls[0][2:] == [
-        "ptae_lite.rerun.full", "--seeds", "1", "--out", f"{run.ROOT}/build/full",
+        "ptae_lite.reproduce.pipeline", "--seeds", "1", "--out", f"{run.ROOT}/build/full",
         "--device", "auto", "--plan",
     ]  # fmt: skip
 
@@ -261,14 +261,14 @@ def test_the_course_goes_where_the_reader_is(calls, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run.course("py", {}, run.parse(["course", "mine", "--seed", "7"])) == 0
     assert calls == [
-        ["py", "-m", "ptae_lite.display.course", str(tmp_path / "mine"), "--seed", "7"]
+        ["py", "-m", "ptae_lite.book.course", str(tmp_path / "mine"), "--seed", "7"]
     ]  # fmt: skip
 
 
 def test_the_library_knows_the_same_tiers():
-    from ptae_lite import tiers
+    from ptae_lite import run_mode
 
-    assert tuple(tiers.TIERS) == run.TIERS
+    assert tuple(run_mode.TIERS) == run.TIERS
 
 
 def test_arguments(capsys):

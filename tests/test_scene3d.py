@@ -14,9 +14,9 @@ import pytest
 from PIL import Image
 
 from ptae_lite import dataset
-from ptae_lite.display import scene3d, viewer
 from ptae_lite.errors import PTAEError
 from ptae_lite.robot import arm
+from ptae_lite.widgets import scene3d, viewer
 
 FRAMES = 100
 ONE_PIXEL_PNG = base64.b64decode(
@@ -301,7 +301,7 @@ def test_links_of_different_lengths_are_refused():
 
 def test_no_simulator_and_no_server_is_started():
     code = (
-        "import sys, threading, numpy as np; from ptae_lite.display import scene3d;"
+        "import sys, threading, numpy as np; from ptae_lite.widgets import scene3d;"
         "cubes = np.tile([0, 0, 0, 0, 0, 0, 1.0], (2, 2, 1));"
         "scene3d.arm_scene(np.zeros((2, 5)), cubes, ('red', 'blue')).html();"
         "assert 'pybullet' not in sys.modules; assert threading.active_count() == 1"

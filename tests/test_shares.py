@@ -5,10 +5,11 @@ import pandas as pd
 import pytest
 from test_panels import controls_of, frames_in
 
-from ptae_lite import artefacts, dataset, published
-from ptae_lite.display import shares
+from ptae_lite import artefacts, dataset
 from ptae_lite.evaluation import CHANCE
 from ptae_lite.models import checkpoint
+from ptae_lite.paper import reported
+from ptae_lite.plots import supervision as supervision_plots
 from ptae_lite.studies import supervision
 
 SHARES = (2, 10, 66.6, 100)
@@ -71,7 +72,7 @@ def points(axes, label):
 
 
 def test_a_point_is_the_mean_and_a_bar_reaches_to_the_worst_and_best_seed(table):
-    _, accuracy, error = shares.by_share(table).axes
+    _, accuracy, error = supervision_plots.by_share(table).axes
     means, ends = curve(accuracy, "PTAE")
     assert means == {2: 20, 10: 60, 66.6: 95, 100: 99}
     drawn = [end.tolist() for end in ends if np.isfinite(end).all()]
@@ -79,26 +80,30 @@ def test_a_point_is_the_mean_and_a_bar_reaches_to_the_worst_and_best_seed(table)
     assert curve(error, "PTAE")[0] == {2: 9, 10: 5, 66.6: 3, 100: 2}
     assert curve(accuracy, "weighted sums")[0] == {2: 20}
     assert "weighted sums" not in [c.get_label() for c in error.containers]
-    by_iterations = shares.by_share(table).axes[0]  # where the table has no sums of all labels
+    by_iterations = supervision_plots.by_share(table).axes[
+        0
+    ]  # where the table has no sums of all labels
     assert "weighted sums" not in [line.get_label() for line in by_iterations.lines]
     assert set(points(accuracy, "chance").values()) == {CHANCE}
 
 
 def test_by_iterations_the_sums_have_all_labels(table):
     sums = table[(table["model"] == "linear")].head(1).assign(share=100, describe_accuracy=97.5)
-    axis = shares.by_share(pd.concat([table, sums], ignore_index=True)).axes[0]
+    axis = supervision_plots.by_share(pd.concat([table, sums], ignore_index=True)).axes[0]
     assert set(points(axis, "weighted sums").values()) == {97.5}
 
 
 def test_the_papers_numbers_stand_beside_ours(table):
-    for axis, (column, mode) in zip(shares.by_share(table).axes, shares.PAPERS, strict=True):
+    for axis, (column, mode) in zip(
+        supervision_plots.by_share(table).axes, supervision_plots.PAPERS, strict=True
+    ):
         for model, name in (("ptae", "PTAE"), ("pgae", "PGAE")):
-            paper = {s: c.value for s, c in published.BY_SHARE[model, column, mode].items()}
+            paper = {s: c.value for s, c in reported.BY_SHARE[model, column, mode].items()}
             assert points(axis, f"{name} in the paper's text") == paper
 
 
 def test_a_training_stands_where_its_labels_were_shown(table):
-    (axis,) = shares.by_presentations(table).axes
+    (axis,) = supervision_plots.by_presentations(table).axes
     labels = {line.get_label() for line in axis.lines}
     assert labels == {"samples, balanced", "samples, paper", "all labels", "chance"}
     assert {text.get_text() for text in axis.texts} == {"2", "10", "66.6"}
@@ -106,10 +111,10 @@ def test_a_training_stands_where_its_labels_were_shown(table):
 
 @pytest.mark.parametrize("share", SHARES)
 def test_every_share_is_marked_with_its_sentences(table, said, share):
-    figure = shares.card(table, said, "samples", "ptae", share)
-    rows = shares.rows_of(table, "ptae", "samples")
+    figure = supervision_plots.card(table, said, "samples", "ptae", share)
+    rows = supervision_plots.rows_of(table, "ptae", "samples")
     rows = rows[rows["share"] == share]
-    for axis, column in zip(figure.axes, shares.LABELS, strict=False):
+    for axis, column in zip(figure.axes, supervision_plots.LABELS, strict=False):
         assert points(axis, "here") == {share: rows[column].mean()}
     texts = [text.get_text().strip() for text in figure.axes[2].texts]
     assert texts[:2] == ["the clip shows", "the model says ([ ]: a wrong word)"]
@@ -127,11 +132,13 @@ def test_every_share_is_marked_with_its_sentences(table, said, share):
      ("push red slowly slowly", [1, 1, 1, 0]), (np.nan, [0])],
 )  # fmt: skip
 def test_each_word_is_judged_at_its_place(said, right):
-    assert [ok for _, ok in shares.marked("push red slowly", said)] == [bool(r) for r in right]
+    assert [ok for _, ok in supervision_plots.marked("push red slowly", said)] == [
+        bool(r) for r in right
+    ]
 
 
 def test_what_the_table_lacks_is_said_in_its_place(table, said):
-    panel = shares.panel(table, said, model="ptae", share=10)
+    panel = supervision_plots.panel(table, said, model="ptae", share=10)
     for model, there in (("ptae", "2, 10, 66.6, 100 %"), ("pvae", "none with this model")):
         where = {"mode": "samples", "model": model, "share": 50}
         lacking = f"The table has no {model.upper()} with 50 % of the samples; it has {there}."
@@ -142,7 +149,7 @@ def test_what_the_table_lacks_is_said_in_its_place(table, said):
 
 def test_the_stored_panel_shows_and_says_its_table_at_every_position(stored):
     table, said = stored
-    panel = shares.panel(table, said, share=10)
+    panel = supervision_plots.panel(table, said, share=10)
     view = panel.widget()
     controls = controls_of(view)
     frames, _ = frames_in(panel.html())
@@ -151,14 +158,17 @@ def test_the_stored_panel_shows_and_says_its_table_at_every_position(stored):
         for model in panel.values["model"]:
             for share in panel.values["share"]:
                 where = {"mode": mode, "model": model, "share": share}
-                rows, text = shares.rows_of(table, model, mode), panel.description(**where)
+                rows, text = (
+                    supervision_plots.rows_of(table, model, mode),
+                    panel.description(**where),
+                )
                 rows = rows[rows["share"] == share]
                 if rows.empty:
                     assert text.startswith("The table has no ")
                     continue
                 assert f"right for {rows['describe_accuracy'].mean():.1f} % of the test" in text
                 assert f"NRMSE of {rows['execute_nrmse'].mean():.2f} %" in text
-                own = shares.rows_of(said, model, mode)
+                own = supervision_plots.rows_of(said, model, mode)
                 own = own[(own["share"] == share) & (own["seed"] == rows["seed"].min())]
                 assert len(own) == supervision.SHOWN
                 for row in own.fillna("(nothing)").itertuples():
@@ -175,8 +185,8 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
         asked.append((job, recipe.epochs, [*progress(range(1, 3))]))
         return trained
 
-    monkeypatch.setattr(shares, "fit", fit)
-    box = shares.workshop(few, table, said, epochs=2, model="ptae", share=10).widget()
+    monkeypatch.setattr(supervision_plots, "fit", fit)
+    box = supervision_plots.workshop(few, table, said, epochs=2, model="ptae", share=10).widget()
     mode, _, slider, *_ = box.children
     button, line, result = box.children[-3:]
     assert "2 epochs" in button.description and result.value == ""
@@ -187,19 +197,21 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
     assert (epochs, told) == (2, [1, 2]) and not button.disabled
     assert "trained: 3 steps" in line.value and "<img" in result.value
     now = (pd.DataFrame([supervision.scores(trained, few)]), supervision.examples(trained, few))
-    figure = shares.card(table, said, "iterations", "ptae", 2, live=now)
-    for axis, column in zip(figure.axes, shares.LABELS, strict=False):
+    figure = supervision_plots.card(table, said, "iterations", "ptae", 2, live=now)
+    for axis, column in zip(figure.axes, supervision_plots.LABELS, strict=False):
         assert points(axis, "trained just now") == {2: now[0][column].iloc[0]}
 
 
 def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
     table, said, few, monkeypatch, caplog
 ):
-    box = shares.workshop(few, table, said, model="pvae", mode="iterations", share=2).widget()
+    box = supervision_plots.workshop(
+        few, table, said, model="pvae", mode="iterations", share=2
+    ).widget()
     button, _, result = box.children[-3:]
     button.click()
     assert result.value.startswith("PVAE has no signals")
-    monkeypatch.setattr(shares, "fit", lambda *a, **o: 1 / 0)
+    monkeypatch.setattr(supervision_plots, "fit", lambda *a, **o: 1 / 0)
     button.click()
     assert 'role="alert"' in result.value and "ZeroDivisionError" in result.value
     assert "division by zero" in caplog.text and not button.disabled
@@ -207,7 +219,7 @@ def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
 
 def test_on_a_page_there_is_no_button(table, said, few, monkeypatch):
     monkeypatch.setenv("PTAE_STATIC", "1")
-    bundle = shares.workshop(few, table, said, share=10)._repr_mimebundle_()
+    bundle = supervision_plots.workshop(few, table, said, share=10)._repr_mimebundle_()
     assert "button" not in bundle["text/html"] and "data-ptae-embed" in bundle["text/html"]
 
 

@@ -20,7 +20,7 @@ from pages import (
 )  # fmt: skip
 
 from ptae_lite import dataset
-from ptae_lite.display import scene3d
+from ptae_lite.widgets import scene3d
 
 PAGES = page_names()
 SCENE = 'iframe[data-ptae-embed="scene"]'

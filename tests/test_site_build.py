@@ -5,9 +5,9 @@ import subprocess
 
 import pytest
 
+from ptae_lite.book import site
 from ptae_lite.errors import FileError
 from ptae_lite.files import alone
-from ptae_lite.rerun import site
 
 
 @pytest.fixture

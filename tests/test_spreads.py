@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from ptae_lite.display.spreads import spreads
 from ptae_lite.errors import PTAEError
+from ptae_lite.plots.vision import spreads
 
 ROWS = pd.DataFrame({
     "eye": ["a"] * 4 + ["b"], "seed": [0, 1, 0, 1, 0], "n": [10, 10, 20, 20, 10],

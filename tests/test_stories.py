@@ -9,7 +9,6 @@ import pytest
 from test_panels import controls_of
 
 from ptae_lite import artefacts, dataset
-from ptae_lite.display import conflict_cards
 from ptae_lite.language import pattern
 from ptae_lite.models import checkpoint
 from ptae_lite.signals import Source
@@ -23,6 +22,7 @@ from ptae_lite.studies.incongruence import (
     extra_inputs,
     respond_under,
 )  # fmt: skip
+from ptae_lite.widgets import conflict_cards
 
 POSITIONS = list(
     product(conflict_cards.SIGNALS, conflict_cards.PLACES, range(4), conflict_cards.FIRST)

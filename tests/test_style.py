@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from ptae_lite.display import conflicts, style
+from ptae_lite.plots import incongruence as incongruence_plots
+from ptae_lite.plots import style
 
 # How the three kinds of dichromats see linear RGB: Machado, Oliveira and Fernandes 2009.
 SEEN_BY = {
@@ -45,11 +46,15 @@ def test_the_measure_finds_what_is_confused():
 
 
 def test_lines_that_stand_together_differ_in_more_than_colour():
-    places = [conflicts.LOOKS[place][1:] for place in ("action", "vision", "proprioception")]
-    models = [look[2:] for look in conflicts.MODELS.values()]
+    places = [
+        incongruence_plots.LOOKS[place][1:] for place in ("action", "vision", "proprioception")
+    ]
+    models = [look[2:] for look in incongruence_plots.MODELS.values()]
     for looks in (places, models):  # dash and mark
         assert all(len(set(part)) == len(looks) for part in zip(*looks, strict=True))
-    assert len({hatch for _, hatch in conflicts.FILLS.values()}) == len(conflicts.FILLS)
+    assert len({hatch for _, hatch in incongruence_plots.FILLS.values()}) == len(
+        incongruence_plots.FILLS
+    )
 
 
 def test_a_vector_figure_is_the_same_bytes_each_time():

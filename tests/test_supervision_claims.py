@@ -3,9 +3,10 @@
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts, published
-from ptae_lite.display import shares
+from ptae_lite import artefacts
 from ptae_lite.evaluation import CHANCE
+from ptae_lite.paper import reported
+from ptae_lite.plots import supervision as supervision_plots
 from ptae_lite.studies import recipes
 from ptae_lite.studies.supervision import SHARES
 from ptae_lite.training import RECIPES
@@ -22,7 +23,7 @@ def table():
 
 @pytest.fixture(scope="module")
 def ptae(table):
-    return shares.rows_of(table, "ptae", "samples")
+    return supervision_plots.rows_of(table, "ptae", "samples")
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +46,11 @@ def test_execute_holds_out_longer(ptae):
 
 
 def test_few_iterations_cost_less_than_few_samples(table, ptae):
-    few = shares.rows_of(table, "ptae", "iterations").groupby("share")["describe_accuracy"].mean()
+    few = (
+        supervision_plots.rows_of(table, "ptae", "iterations")
+        .groupby("share")["describe_accuracy"]
+        .mean()
+    )
     samples = ptae.groupby("share")["describe_accuracy"].mean()
     assert (few[[2, 10, 20]] > samples[[2, 10, 20]] + 8).all()
     assert 60 < samples[10] < 70
@@ -53,7 +58,7 @@ def test_few_iterations_cost_less_than_few_samples(table, ptae):
 
 
 def described(table, model, mode):
-    rows = shares.rows_of(table, model, mode)
+    rows = supervision_plots.rows_of(table, model, mode)
     return rows.set_index(["share", "seed"])["describe_accuracy"]
 
 
@@ -78,7 +83,7 @@ def test_with_a_tenth_of_the_samples_ptae_describes_twice_as_much_as_pgae(table)
 
 
 def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
-    words = {m: shares.rows_of(table, m, "samples").query("share == 10")[WORDS].mean()
+    words = {m: supervision_plots.rows_of(table, m, "samples").query("share == 10")[WORDS].mean()
              for m in ("ptae", "pgae", "pvae")}  # fmt: skip
     assert words["ptae"]["speed_accuracy"] == 100 and words["pgae"]["speed_accuracy"] < 90
     assert words["pgae"]["colour_accuracy"] < words["ptae"]["colour_accuracy"] - 15
@@ -90,21 +95,27 @@ def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
 
 def test_pgae_executes_with_two_thirds_of_the_samples_as_with_all(table):
     """The paper's text has almost 8 %, from below 0.5."""
-    rows = shares.rows_of(table, "pgae", "samples").groupby("share")["execute_nrmse"].mean()
+    rows = (
+        supervision_plots.rows_of(table, "pgae", "samples").groupby("share")["execute_nrmse"].mean()
+    )
     assert rows[66.6] / rows[100] < 1.1 and 4.5 < rows[1] < 6
-    ptae = shares.rows_of(table, "ptae", "samples").groupby("share")["execute_nrmse"].mean()
+    ptae = (
+        supervision_plots.rows_of(table, "ptae", "samples").groupby("share")["execute_nrmse"].mean()
+    )
     assert 4 < ptae[1] < 6
 
 
 def test_the_updates_are_those_of_the_page(table):
-    regular = shares.rows_of(table, "ptae", "samples").query("share == 100")
+    regular = supervision_plots.rows_of(table, "ptae", "samples").query("share == 100")
     assert (regular["steps"] == 1920).all() and RECIPES["ptae"].batch == 27
-    assert 0.01 * published.STEPS["ptae"] == 2700
+    assert 0.01 * reported.STEPS["ptae"] == 2700
     assert {RECIPES[model].epochs for model in ("ptae", "pgae", "pvae")} == {60, 80}
 
 
 def test_pvaes_execute_hardly_notices_what_is_missing(table):
-    rows = shares.rows_of(table, "pvae", "samples").groupby("share")["execute_nrmse"].mean()
+    rows = (
+        supervision_plots.rows_of(table, "pvae", "samples").groupby("share")["execute_nrmse"].mean()
+    )
     assert set(rows.index) == {2, 10, 20, 50, 100} and rows[2] / rows[100] < 1.3
 
 
@@ -122,7 +133,7 @@ def test_what_a_longer_training_makes_of_few_iterations(table):
     steps = rows.loc[1, "steps"]
     assert 3.5 < steps / rows.loc[1, "supervised_presentations"] < 4
     assert (rows["execute_nrmse"] < 1.4).all()
-    assert (shares.rows_of(table, "ptae", "iterations")["execute_nrmse"] > 1.6).all()
+    assert (supervision_plots.rows_of(table, "ptae", "iterations")["execute_nrmse"] > 1.6).all()
 
 
 def test_what_a_longer_training_makes_of_few_samples(table):
@@ -149,10 +160,12 @@ def test_pgae_gains_less_from_a_longer_training(table):
     assert described["pgae", "paper"] == pytest.approx(100 / 16, abs=0.5)
     assert (
         described["pgae", "long"]
-        < published.BY_SHARE["pgae", "describe_accuracy", "iterations"][1].value
+        < reported.BY_SHARE["pgae", "describe_accuracy", "iterations"][1].value
     )
     regular = {
-        model: shares.rows_of(table, model, "samples").set_index(["share", "seed"])["execute_nrmse"]
+        model: supervision_plots.rows_of(table, model, "samples").set_index(["share", "seed"])[
+            "execute_nrmse"
+        ]
         for model in ("ptae", "pgae")
     }
     long = table[(table["mode"] == "iterations") & (table["variant"] == "long")]
@@ -178,7 +191,7 @@ def test_from_the_same_few_labels_networks_describe_worse_than_weighted_sums(tab
     assert (ahead[20] < 0).tolist() == [True, True, False]
     assert (ahead[1] > 0).all() and ahead[1].max() < 9
     assert (ahead[[50, 66.6]] > 0).sum() == 5 and ahead[[50, 66.6]].between(-1, 5).all()
-    pgae = shares.rows_of(table, "pgae", "samples").query("share < 100")
+    pgae = supervision_plots.rows_of(table, "pgae", "samples").query("share < 100")
     pgae = pgae.set_index(["share", "seed"])["describe_accuracy"]
     behind = (pgae - random["describe_accuracy"]).dropna()
     assert (behind[[5, 10, 20, 50, 66.6]] < -10).all()

@@ -2,38 +2,39 @@
 
 import pytest
 
-from ptae_lite import published, tiers
+from ptae_lite import run_mode
 from ptae_lite.errors import ConfigError
+from ptae_lite.paper import reported
 from ptae_lite.signals import PTAE_SIGNALS
 from ptae_lite.studies import incongruence, supervision
 
 
 def test_replay_is_the_default(monkeypatch):
     monkeypatch.delenv("PTAE_TIER", raising=False)
-    assert tiers.tier() == "replay"
+    assert run_mode.tier() == "replay"
 
 
 @pytest.mark.parametrize(("name", "value"), [("replay", 1), ("quick", 2), ("full", 3)])
 def test_a_tier_takes_its_own_value(monkeypatch, name, value):
     monkeypatch.setenv("PTAE_TIER", name)
-    assert tiers.by_tier(replay=1, quick=2, full=3) == value
-    assert tiers.tier() == name and tiers.TIERS[name]
+    assert run_mode.by_tier(replay=1, quick=2, full=3) == value
+    assert run_mode.tier() == name and run_mode.TIERS[name]
 
 
 @pytest.mark.parametrize("name", ["fast", "", "Full"])
 def test_an_unknown_tier_is_refused_with_those_there_are(monkeypatch, name):
     monkeypatch.setenv("PTAE_TIER", name)
-    for call in (tiers.tier, lambda: tiers.by_tier(replay=1, quick=2, full=3)):
+    for call in (run_mode.tier, lambda: run_mode.by_tier(replay=1, quick=2, full=3)):
         with pytest.raises(ConfigError, match=f"PTAE_TIER is '{name}'; .* replay, quick, full"):
             call()
 
 
 def claims():
-    groups = {name: getattr(published, name) for name in ("REGULAR",)}
-    for name, group in (groups | published.BY_SHARE).items():
+    groups = {name: getattr(reported, name) for name in ("REGULAR",)}
+    for name, group in (groups | reported.BY_SHARE).items():
         for key, claim in group.items():
             yield pytest.param(claim, id=f"{name} {key}")
-    for signal, numbers in published.CONFLICTS.items():
+    for signal, numbers in reported.CONFLICTS.items():
         for count, claim in numbers.items():
             yield pytest.param(claim, id=f"{signal} {count}")
 
@@ -46,12 +47,12 @@ def test_every_claim_is_in_percent_and_says_where_it_stands(claim):
 
 def test_the_papers_numbers():
     """As the text states them, once more."""
-    assert {k: c.value for k, c in published.REGULAR.items()} == {
+    assert {k: c.value for k, c in reported.REGULAR.items()} == {
         "describe_accuracy": 100, "repeat_language_accuracy": 100,
         "execute_nrmse": 0.99, "repeat_action_nrmse": 1.03,
     }  # fmt: skip
     shares = {
-        key: {s: c.value for s, c in found.items()} for key, found in published.BY_SHARE.items()
+        key: {s: c.value for s, c in found.items()} for key, found in reported.BY_SHARE.items()
     }
     assert shares == {
         ("ptae", "describe_accuracy", "iterations"): dict.fromkeys((1, 2, 10, 20, 50, 66.6), 100),
@@ -64,7 +65,7 @@ def test_the_papers_numbers():
     }  # fmt: skip
     conflicts = {
         signal: {count: claim.value for count, claim in numbers.items()}
-        for signal, numbers in published.CONFLICTS.items()
+        for signal, numbers in reported.CONFLICTS.items()
     }
     assert conflicts == {
         "describe": {0: 100, 3: 95}, "repeat language": {0: 100, 1: 0, 2: 0, 3: 0},
@@ -75,10 +76,10 @@ def test_the_papers_numbers():
 def test_claims_are_of_things_that_can_be_measured_here(trained, few, samples):
     from ptae_lite.evaluation import evaluate
 
-    assert set(published.REGULAR) <= set(evaluate(trained, few))
-    assert set(published.CONFLICTS) == set(incongruence.EXTRA_INPUT) == set(PTAE_SIGNALS)
+    assert set(reported.REGULAR) <= set(evaluate(trained, few))
+    assert set(reported.CONFLICTS) == set(incongruence.EXTRA_INPUT) == set(PTAE_SIGNALS)
     grid = {(job.model, job.mode, job.share) for job in supervision.grid()}
-    for (model, measure, mode), found in published.BY_SHARE.items():
+    for (model, measure, mode), found in reported.BY_SHARE.items():
         assert measure in evaluate(trained, few)
         for share in found:
             regular = supervision.REGULAR[mode] == share

@@ -18,11 +18,13 @@ sys.modules["pybullet"] = None  # as where there is no wheel
 
 # What only has to be imported once is imported before the watch begins: modules are code.
 import ptae_lite.__main__ as cli  # noqa: E402
-from ptae_lite import artefacts, dataset, evaluation, frames, published, vision  # noqa: E402, F401
-from ptae_lite.display import episodes as shown  # noqa: E402
-from ptae_lite.display import pictures, showcase  # noqa: E402, F401
+from ptae_lite import artefacts, dataset, evaluation, frames, vision  # noqa: E402, F401
 from ptae_lite.models import checkpoint  # noqa: E402
+from ptae_lite.paper import reported  # noqa: E402, F401
+from ptae_lite.plots import simulation as simulation_plots  # noqa: E402, F401
 from ptae_lite.studies import episodes, family, stories  # noqa: E402, F401
+from ptae_lite.widgets import episodes as shown  # noqa: E402
+from ptae_lite.widgets import showcase  # noqa: E402, F401
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 SOCKETS = ("socket.connect", "socket.bind", "socket.getaddrinfo", "socket.gethostbyname")

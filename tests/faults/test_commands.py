@@ -276,13 +276,13 @@ def test_a_disk_that_is_really_full(tmp_path):
 
 
 def test_a_disk_that_is_full_when_a_notebook_is_written(tmp_path, monkeypatch, capsys):
-    from ptae_lite.display import pairs
+    from ptae_lite.book import notebooks
 
     (tmp_path / "book").mkdir()
     (tmp_path / "book" / "01_x.md").write_text("# X\n")
     (tmp_path / "book" / "01_x.ipynb").write_text("the twin before")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pairs, "execute", lambda notebook, folder: None)
+    monkeypatch.setattr(notebooks, "execute", lambda notebook, folder: None)
     real = Path.write_bytes
 
     def write_bytes(self, content):
@@ -291,7 +291,7 @@ def test_a_disk_that_is_full_when_a_notebook_is_written(tmp_path, monkeypatch, c
 
     monkeypatch.setattr(Path, "write_bytes", write_bytes)
     with unchanged(tmp_path):
-        assert pairs.main([]) == 1
+        assert notebooks.main([]) == 1
     assert "01_x.ipynb cannot be written (No space left on device)" in capsys.readouterr().err
 
 

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from watch import ROOT, environment, run, unchanged
 
-from ptae_lite.rerun import doctor
+from ptae_lite.book import doctor
 
 NO_UTF8 = {"LC_ALL": "C", "LANG": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
@@ -39,7 +39,7 @@ def test_a_project_in_a_folder_with_spaces_and_umlauts(project):
                  "held_out", "--json", cwd=project, PYTHONPATH=str(project / "src"))  # fmt: skip
     assert run.returncode == 0, run.stderr
     assert json.loads(run.stdout)["describe_accuracy"] > 90
-    run = python("src/ptae_lite/rerun/doctor.py", "--json", cwd=project)
+    run = python("src/ptae_lite/book/doctor.py", "--json", cwd=project)
     found = {one["what"]: one for one in json.loads(run.stdout)}
     assert found["data"]["state"] == "good" and found["Python"]["state"] == "good"
 
@@ -58,7 +58,7 @@ def test_a_locale_without_utf8(project):
         "assert 'utf' not in locale.getpreferredencoding().lower()\n"
         "from ptae_lite import artefacts, dataset, console\n"
         "from ptae_lite.studies import stories\n"
-        "from ptae_lite.display import contents\n"
+        "from ptae_lite.book import contents\n"
         "from pathlib import Path\n"
         "stories.load()\n"
         "contents.Contents(Path(sys.argv[1]))\n"

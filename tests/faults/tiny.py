@@ -88,10 +88,10 @@ def make(*paths) -> int:
 def rerun(folder, stored) -> int:
     """A full re-run of tiny stages."""
     from ptae_lite.console import guarded
-    from ptae_lite.rerun import report
-    from ptae_lite.rerun.checks import table
-    from ptae_lite.rerun.full import Rerun, Settings
-    from ptae_lite.rerun.stages import Stage
+    from ptae_lite.reproduce import report
+    from ptae_lite.reproduce.checks import table
+    from ptae_lite.reproduce.pipeline import Rerun, Settings
+    from ptae_lite.reproduce.stages import Stage
 
     check = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
     stages = tuple(
@@ -117,7 +117,7 @@ def naps(count) -> int:
 
 
 def site(out, book) -> int:
-    from ptae_lite.rerun import site as builder
+    from ptae_lite.book import site as builder
 
     return builder.main(["--out", out, "--book", book])
 

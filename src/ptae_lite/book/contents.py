@@ -1,0 +1,51 @@
+"""What the chapters say of themselves, as the front page's table.
+
+Each chapter states at its top what it takes: `**Time:** ...` and `**Prerequisites:** ...`.
+"""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from pathlib import Path
+from typing import NamedTuple
+
+from ptae_lite.book import notebooks
+from ptae_lite.errors import PTAEError
+
+_FACTS = re.compile(r"\*\*Time:\*\* (.+?)\s\*\*Prerequisites:\*\* (.+?)\n\n", re.DOTALL)
+
+
+class Chapter(NamedTuple):
+    """One chapter: its file without ending, its title, its time and what it needs."""
+
+    file: str
+    title: str
+    time: str
+    needs: str
+
+
+def chapter(md: Path) -> Chapter:
+    """Read a chapter's source. Raises `PTAEError` where it does not say what it takes."""
+    text = md.read_text(encoding="utf-8")
+    title, facts = re.search(r"^# (.+)$", text, re.MULTILINE), _FACTS.search(text)
+    if not title or not facts:
+        raise PTAEError(f"{md.name} needs a title, and lines **Time:** and **Prerequisites:**")
+    time, needs = (" ".join(fact.split()).rstrip(".") for fact in facts.groups())
+    return Chapter(md.stem, title[1], time.split(". ")[0].split(" of ")[0], needs)
+
+
+class Contents:
+    """The table of all chapters in a folder, with links to their pages."""
+
+    def __init__(self, book: Path | str = "."):
+        self.chapters = [chapter(md) for md in notebooks.chapters(Path(book))]
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f'<tr><td>{number}</td><td><a href="{one.file}.html">{escape(one.title)}</a></td>'
+            f"<td>{escape(one.time)}</td><td>{escape(one.needs)}</td></tr>"
+            for number, one in enumerate(self.chapters, start=1)
+        )
+        heads = "".join(f"<th>{head}</th>" for head in ("", "chapter", "time", "prerequisites"))
+        return f'<table class="contents"><thead><tr>{heads}</tr></thead>{rows}</table>'

@@ -1,0 +1,131 @@
+"""Every claim of the paper about few labels: where it is read, and where it is shown."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ptae_lite.evaluation import CHANCE
+from ptae_lite.paper import reported
+from ptae_lite.paper.claim_metrics import (
+    IN_WORDS,
+    TINY,
+    Claim,
+    ahead,
+    always,
+    both_lengths,
+    fall,
+    number,
+    plateau,
+    with_labels,
+)
+from ptae_lite.studies.supervision import REGULAR
+
+FEW = "04_limited_supervision"
+CURVES, ANCESTORS = "The paper's figures", "PTAE and its ancestors"
+LENGTH = "How often was a label shown?"
+REMARK = {"iterations": "Our training has far fewer updates.",
+          "samples": "What is lost is the colour first."}  # fmt: skip
+REMARKS = {  # by model, task, experiment and share
+    ("pgae", "execute", "samples", 1): "It rises, to less than half of that.",
+    ("pgae", "execute", "samples", 66.6): "Here it is as with all labels.",
+    ("pgae", "execute", "samples", 100): "Here PGAE's error is above PTAE's.",
+}
+
+
+def _with_few_labels() -> list[Claim]:
+    """What the text says in numbers of few labels, share by share, but for the regular model."""
+    found = []
+    for (model, column, mode), by_share in reported.BY_SHARE.items():
+        for share, claim in by_share.items():
+            if share == REGULAR[mode] and model == "ptae":
+                continue  # the same as in the first group
+            task = column.split("_")[0]
+            long = mode == "iterations" and share <= TINY  # what is shown of it is the long one
+            found.append(number(
+                f"{model.upper()}, {task} with {share:g} % of the {mode}", claim,
+                with_labels(model, column, mode, share), group="Few labels",
+                unit="%" if column.endswith("accuracy") else "% NRMSE",
+                chapter=FEW, heading=LENGTH if long else CURVES,
+                remark=REMARKS.get((model, task, mode, share), REMARK[mode]),
+                longer=both_lengths(partial(with_labels, model, column, mode, share), share),
+            ))  # fmt: skip
+    return found
+
+
+FEW_LABELS = [
+    *_with_few_labels(),
+    Claim(
+        "Few labels",
+        "PTAE, describe with 2 % of the samples",
+        '"up to 50 %"; also "more than half"',
+        chapter=FEW,
+        heading=CURVES,
+        values=with_labels("ptae", "describe_accuracy", "samples", 2),
+        remark="The text names two numbers that exclude each other.",
+    ),
+    Claim(
+        "Few labels",
+        "PTAE, execute stays on a plateau with 20 to 50 % of the samples",
+        IN_WORDS,
+        plateau("ptae", "execute_nrmse", 50, 20),
+        lambda found, _: bool((found < 0.25).all()),
+        "points of NRMSE above all labels",
+        FEW,
+        CURVES,
+        trained=False,
+    ),
+    *(
+        Claim(
+            "Few labels",
+            f"PTAE describes better than PGAE with {share} % of the samples",
+            IN_WORDS,
+            ahead("describe_accuracy", "samples", share),
+            always,
+            "points",
+            FEW,
+            ANCESTORS,
+            remark=remark,
+            longer=both_lengths(partial(ahead, "describe_accuracy", "samples", share), share),
+        )
+        for share, remark in (
+            (1, ""),
+            (2, "On average it does; with one list it does not."),
+            (10, ""),
+        )
+    ),
+    *(
+        Claim(
+            "Few labels",
+            f"PGAE describes above chance with {share} % of the samples",
+            IN_WORDS,
+            with_labels("pgae", "describe_accuracy", "samples", share),
+            lambda found, _: bool((found > CHANCE).all()),
+            "%",
+            FEW,
+            ANCESTORS,
+            remark=remark,
+            longer=both_lengths(
+                partial(with_labels, "pgae", "describe_accuracy", "samples", share), share
+            ),
+        )
+        for share, remark in ((1, "With one list of seven it is at chance."), (2, ""))
+    ),
+    Claim(
+        "Few labels",
+        "PGAE describes worse with 10 % of the iterations than with 20 %",
+        IN_WORDS,
+        fall("pgae", "describe_accuracy", "iterations", 20, 10),
+        always,
+        "points",
+        FEW,
+        ANCESTORS,
+    ),
+    Claim(
+        "Few labels",
+        "PTAE, execute by iterations: a similar trend",
+        "no number",
+        chapter=FEW,
+        heading=CURVES,
+        remark="The text has no number to compare.",
+    ),
+]

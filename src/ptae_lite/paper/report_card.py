@@ -1,0 +1,99 @@
+"""The report card: every claim of the paper beside the stored tables, and beside a run of yours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from ptae_lite import artefacts
+from ptae_lite.dataset import Samples
+from ptae_lite.evaluation import evaluate
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.paper.claim_metrics import MARGIN, Claim, Tables
+from ptae_lite.paper.claims import CLAIMS
+from ptae_lite.studies import incongruence_table
+from ptae_lite.studies.supervision import VARIANTS
+
+HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
+NOT_TESTABLE = "not testable"
+LONGER = f"{VARIANTS['long'].times} times the updates bring it"
+VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE)
+ASKED = [  # of a run: what claims about conflicts are read from
+    condition for condition in incongruence_table.ALL
+    if condition.conflict_in in ("none", "congruent") or len(condition.aspects) == 3
+    or (condition.signal, condition.conflict_in) == ("repeat language", "action")
+]  # fmt: skip
+
+
+def stored() -> Tables:
+    """The tables of `data/results`, the rows of our recording."""
+    names = ("family", "family_curves", "supervision", "incongruence", "eyes")
+    found = [pd.read_csv(artefacts.stored(f"results/{name}.csv")) for name in names]
+    own = [table[table["data"] == "recording"] if "data" in table else table for table in found]
+    tables = Tables(*own)
+    return tables._replace(incongruence=tables.incongruence.fillna({"aspects": ""}))
+
+
+def this_run(trained: Trained, samples: Samples) -> Tables:
+    """The rows that one PTAE gives here and now: its scores, and its answers under conflict."""
+    head = {"data": samples.name, "model": "ptae", "seed": trained.about["recipe"]["seed"]}
+    size = sum(p.numel() for p in trained.model.parameters())
+    scores = head | {"variant": "PTAE", "parameters": size} | evaluate(trained, samples)
+    answers = incongruence_table.run(trained, samples, head["seed"], wanted=ASKED)
+    none = pd.DataFrame()
+    return Tables(pd.DataFrame([scores]), none, none, answers.assign(**head), none)
+
+
+def verdict(claim: Claim, tables: Tables) -> tuple[str, str]:
+    """What becomes of a claim, and the sentence that goes with it."""
+    values = np.asarray(claim.values(tables), dtype=float)
+    if claim.holds is None:
+        return NOT_TESTABLE, claim.remark
+    if not len(values):
+        return NOT_TESTABLE, "These trainings are not in the table yet."
+    one = "One training." if len(values) == 1 and claim.trained else ""
+    if claim.holds(values, tables):
+        why = " ".join(filter(None, (claim.caveat, one)))
+        return CAVEAT if why else HELD, why
+    if claim.longer is None:
+        return NOT_HELD, " ".join(filter(None, (claim.remark, one)))
+    short, long = claim.longer(tables)
+    if not len(long):
+        return NOT_TESTABLE, "It was not trained longer, and with so few labels that may matter."
+    if claim.holds(np.asarray(long), tables):
+        return NOT_TESTABLE, f"{LONGER} there, in the trainings that are as long."
+    nearer = (long - short).mean() * (1 if claim.upwards else -1)
+    if nearer > MARGIN.get(claim.unit, MARGIN["%"]):
+        return NOT_TESTABLE, f"{LONGER} {nearer:.0f} {claim.unit} nearer; more was not tried."
+    return NOT_HELD, " ".join(filter(None, (claim.remark, f"{LONGER} hardly nearer.", one)))
+
+
+def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
+    """A row for each claim: what the paper says, ours, this run's, the verdict, and where to look.
+
+    `ours` is the median of the trainings, with the lowest and the highest; the verdict is that of
+    the tables, not of the run.
+    """
+    rows = []
+    for claim in CLAIMS:
+        judged, why = verdict(claim, tables)
+        rows.append({
+            "group": claim.group, "claim": claim.says, "paper": claim.paper,
+            "ours": written(claim, claim.values(tables)),
+            "this run": "" if run is None else written(claim, claim.values(run)),
+            "verdict": judged, "why": why, "chapter": claim.chapter, "heading": claim.heading,
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def written(claim: Claim, values) -> str:
+    """Median and range of a claim's values, with their number; empty if there are none."""
+    values = np.asarray(values, dtype=float) + 0.0  # no -0.0
+    if not len(values):
+        return ""
+    middle, low, high = (
+        f"{value:.{claim.digits}f}" for value in (np.median(values), values.min(), values.max())
+    )
+    text = f"{middle} {claim.unit}"
+    of = "trained" if claim.trained else "values"
+    return text if len(values) == 1 else f"{text} ({low} to {high}; {len(values)} {of})"

@@ -1,0 +1,1 @@
+"""Figures: one module a chapter, and the style that all share."""

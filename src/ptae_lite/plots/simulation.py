@@ -1,0 +1,237 @@
+"""The figures of the first chapters: rows of camera images, the arm, joints and cubes in motion.
+
+Each function returns a matplotlib figure that is off pyplot's list: a notebook shows it once, where
+it is a cell's last line.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from itertools import pairwise, product
+from math import pi
+
+import matplotlib.pyplot as plt
+import numpy as np
+from IPython.display import Image as DisplayedImage
+from jaxtyping import Float
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from PIL import Image
+
+from ptae_lite.errors import PTAEError
+from ptae_lite.plots import style
+from ptae_lite.robot import arm
+from ptae_lite.robot.scene import COLOUR_RGBA, CUBE_EDGE_M, FRAMES_PER_S, TABLE_SHAPES
+
+GAP_PX, GROUP_GAP_PX = 5, 20  # white between images, and between groups of them
+VIEW = {"elev": 26, "azim": 42}  # from in front of the robot, to its left, above the table
+LIGHT = (0.36, 0.48, 0.80)
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a small PNG file of 128 colours, the same bytes each time."""
+    small = io.BytesIO()
+    _image(figure).quantize(128, dither=0).save(small, "PNG", optimize=True)
+    return small.getvalue()
+
+
+def chart(figure: Figure) -> DisplayedImage:
+    """The figure as the small PNG of `png`, a third of what a notebook would make of it."""
+    return DisplayedImage(png(figure), format="png")
+
+
+def photo(figure: Figure) -> DisplayedImage:
+    """The figure as a JPEG, a fifth of the PNG's size where the images in it are noisy."""
+    small = io.BytesIO()
+    _image(figure).save(small, "JPEG", quality=80, subsampling=0)
+    return DisplayedImage(small.getvalue(), format="jpeg")
+
+
+def _image(figure: Figure) -> Image.Image:
+    drawn = io.BytesIO()
+    # a figure without a layout would leave a tight save with the layout that is the default
+    with plt.rc_context({"figure.constrained_layout.use": False}):
+        figure.savefig(drawn, format="png", dpi=110, bbox_inches="tight")
+    return Image.open(drawn).convert("RGB")
+
+
+def grid(
+    rows: Mapping[str, Sequence[np.ndarray]],
+    headings: Sequence[str] | None = None,
+    groups: Sequence[int] | None = None,
+    width_in: float = 7.0,
+) -> Figure:
+    """Rows of images (H x W x 3 bytes, all alike) with a label before each row.
+
+    `headings` stand over the columns; where `groups` says how many columns belong together, one
+    over each group. Raises `PTAEError` for rows of different lengths.
+    """
+    columns, (height, width, _) = next((len(row), np.shape(row[0])) for row in rows.values())
+    edges = np.cumsum([0, *(groups or [1] * columns)])
+    if {len(row) for row in rows.values()} != {edges[-1]}:
+        raise PTAEError(f"each row of this grid must have {edges[-1]} images")
+    gaps = np.full(columns, GAP_PX)
+    gaps[edges[1:] - 1] = GROUP_GAP_PX if groups else GAP_PX
+    left = np.cumsum([0, *(width + gaps)])
+    top = np.arange(len(rows)) * (height + GAP_PX)
+    sheet = np.full((top[-1] + height, left[-2] + width, 3), 255, np.uint8)
+    for (r, row), c in product(enumerate(rows.values()), range(columns)):
+        sheet[top[r] : top[r] + height, left[c] : left[c] + width] = row[c]
+    height_in = (width_in - 1) * sheet.shape[0] / sheet.shape[1] + 0.3
+    figure, axes = plt.subplots(figsize=(width_in, height_in))
+    axes.imshow(sheet)
+    axes.set_yticks(top + height / 2, list(rows))
+    middles = (left[edges[:-1]] + left[edges[1:] - 1] + width) / 2
+    axes.set_xticks(middles if headings else [], headings or [])
+    axes.tick_params(length=0, labeltop=True, labelbottom=False)
+    axes.spines[:].set_visible(False)
+    axes.grid(False)
+    return style.closed(figure)
+
+
+def marked(
+    images: Sequence[np.ndarray], points: Mapping[str, np.ndarray], titles: Sequence[str]
+) -> Figure:
+    """Images side by side, marked at (column, row): one mark an image for each of three names."""
+    figure, row = plt.subplots(1, len(images), figsize=(7, 1.8), sharey=True)
+    for i, (axes, image, title) in enumerate(zip(row, images, titles, strict=True)):
+        axes.imshow(image)
+        for (name, places), mark in zip(points.items(), "x+1", strict=False):
+            axes.plot(*places[i], mark, color="black", ms=9, mew=3)
+            axes.plot(*places[i], mark, color="white", ms=8, mew=1.3, label=name)
+        axes.set(title=title, xlim=(0, 159), ylim=(119, 0), xticks=[], yticks=[])
+        axes.spines[:].set_visible(False)
+    legend = {"loc": "outside lower center", "ncols": 3, "frameon": True, "labelcolor": "white"}
+    figure.legend(*row[0].get_legend_handles_labels(), facecolor=style.GREY, **legend)
+    return style.closed(figure)
+
+
+def arm_drawing(
+    joints_rad: Float[np.ndarray, " 5"],
+    cubes: Float[np.ndarray, "2 7"],
+    colours: tuple[str, str],
+    *,
+    path_m: Float[np.ndarray, "T 3"] | None = None,
+    sticks_rad: Sequence[Float[np.ndarray, " 5"]] = (),
+) -> Figure:
+    """The robot and the cubes at one instant; the fingertips' path, other poses as sticks."""
+    links = {name: pose[0] for name, pose in arm.link_transforms(joints_rad[None]).items()}
+    links |= {"world": np.eye(4), "a": np.eye(4), "b": np.eye(4)}
+    shapes = [shape for shape in arm.SHAPES if shape.drawn]
+    body = [shape for shape in shapes if shape.link in ("torso", "head")]
+    front = [shape for shape in shapes if shape not in body]
+    for name, colour, pose in zip("ab", colours, cubes, strict=True):
+        front.append(arm.Shape(name, "box", (CUBE_EDGE_M,) * 3, rgba=COLOUR_RGBA[colour]))
+        links[name][:3, 3] = pose[:3]  # the cubes lie flat: they are only turned about z
+        links[name][:3, :3] = arm.rotation((0, 0, 1), [2 * np.arctan2(pose[5], pose[6])])[0]
+    figure = plt.figure(figsize=(4.4, 4.0), layout="none")
+    axes = figure.add_axes((0, 0, 1, 1), projection="3d", computed_zorder=False)
+    for layer, some in enumerate((body, TABLE_SHAPES, front)):
+        faces, paint = zip(*(face for shape in some for face in _lit(shape, links)), strict=True)
+        axes.add_collection3d(
+            Poly3DCollection(faces, facecolors=paint, edgecolors=paint, lw=0.3, zorder=layer)
+        )
+    if path_m is not None:
+        axes.plot(*np.transpose(path_m), color=style.BLUE, lw=1.5, zorder=4)
+    for pose in sticks_rad:
+        chain = list(arm.link_transforms(pose[None]).values())[2:]  # without torso and head
+        points = [*(link[0, :3, 3] for link in chain), arm.fingertip(pose[None])[0]]
+        axes.plot(*np.transpose(points), "o-", ms=3, lw=2, zorder=5)
+    axes.set(xlim=(-0.05, 0.60), ylim=(-0.25, 0.40), zlim=(0.47, 0.98))
+    axes.set_box_aspect((0.65, 0.65, 0.51), zoom=1.45)
+    axes.view_init(**VIEW)
+    axes.set_axis_off()
+    return style.closed(figure)
+
+
+def _lit(shape: arm.Shape, links):
+    """A shape's faces in the world, as polygons with their colours."""
+    turned = np.eye(3)
+    for axis, angle in zip(np.eye(3), shape.rpy, strict=True):
+        turned = arm.rotation(axis, [angle])[0] @ turned
+    pose = links[shape.link]
+    for face in _faces(shape):
+        normal = np.cross(face[1] - face[0], face[2] - face[0])
+        normal *= np.sign(normal @ face.mean(0)) / max(np.linalg.norm(normal), 1e-12)
+        light = 0.62 + 0.38 * (pose[:3, :3] @ turned @ normal) @ LIGHT
+        corners = (face @ turned.T + shape.xyz) @ pose[:3, :3].T + pose[:3, 3]
+        yield corners, np.clip(light * np.array(shape.rgba[:3]), 0, 1)
+
+
+def _faces(shape: arm.Shape) -> list[np.ndarray]:
+    """The outline of a shape: rings along z, with sides between them, and two caps.
+
+    All have four corners. matplotlib pads unequal ones with memory that it never set.
+    """
+    turn, size = np.linspace(0, 2 * pi, 17), np.array(shape.size)
+    ring = size[0] * np.stack([np.cos(turn), np.sin(turn)], 1)
+    levels = [(1, -size[-1] / 2), (1, size[-1] / 2)]
+    if shape.kind == "box":
+        ring = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 1)]) * size[:2] / 2
+    elif shape.kind == "sphere":
+        levels = [(np.sin(a), -size[0] * np.cos(a)) for a in np.linspace(0.05, pi - 0.05, 10)]
+    rings = [np.c_[scale * ring, np.full(len(ring), z)] for scale, z in levels]
+    sides = [
+        np.stack([a[i], a[i + 1], b[i + 1], b[i]])
+        for (a, b), i in product(pairwise(rings), range(len(ring) - 1))
+    ]
+    caps = [r[[0, i, i + 1, i + 2]] for r in (rings[0], rings[-1]) for i in range(1, len(r) - 3, 2)]
+    return [*sides, *caps]
+
+
+def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None, **axis) -> Figure:
+    """Named curves (x, y), and `dots` likewise; `axis` goes to matplotlib's `Axes.set`."""
+    figure, axes = plt.subplots(figsize=(6.4, 2.3))
+    for (name, (x, y)), dash in zip(curves.items(), ("-", "--", "-.", ":") * 2, strict=False):
+        axes.plot(x, y, dash, label=name)
+    for name, (x, y) in (dots or {}).items():
+        axes.plot(x, y, "o", color="black", ms=4, label=name)
+    axes.set(xlabel=x_label, ylabel=y_label, **axis)
+    figure.legend(loc="outside right center")
+    return style.closed(figure)
+
+
+def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
+    """The five joints over time in degrees, a panel each; a group of tracks has one colour."""
+    figure, row = plt.subplots(1, len(arm.JOINTS), figsize=(7.4, 2.1), sharex=True)
+    for (j, axes), (g, (name, tracks)) in product(enumerate(row), enumerate(groups.items())):
+        for k, track in enumerate(tracks):
+            seconds, degrees = np.arange(len(track)) / FRAMES_PER_S, np.degrees(track[:, j])
+            axes.plot(seconds, degrees, f"C{3 * g}", lw=0.9, label=None if k else name)
+        axes.set(title=arm.JOINT_NAMES[j], xlabel="s")
+    row[0].set_ylabel("degrees")
+    figure.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return style.closed(figure)
+
+
+def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
+    """How far cubes went, in mm: a row for each action, in it a dot for each sample and cube."""
+    figure, axes = plt.subplots(figsize=(6.4, 2.0))
+    for i, cubes in enumerate(rows.values()):
+        for c, (name, far) in enumerate(cubes.items()):
+            height = i - 0.15 + 0.3 * c + np.linspace(-0.1, 0.1, len(far))
+            axes.plot(far, height, ".", ms=2, color=f"C{6 * c}", label=None if i else name)
+    axes.set_yticks(range(len(rows)), list(rows))
+    axes.invert_yaxis()
+    axes.set(xlabel="cube travel in mm")
+    figure.legend(loc="outside right center", markerscale=4)
+    return style.closed(figure)
+
+
+def components(
+    parts: Mapping[str, Float[np.ndarray, " K"]], curves: Mapping[str, tuple], y_label: str
+) -> Figure:
+    """Stacked bars of `parts` (% of all variance) by component; beside them `curves` (x, y)."""
+    figure, (bars, plot) = plt.subplots(1, 2, figsize=(7.2, 2.4))
+    base = 0
+    for (name, part), colour in zip(parts.items(), (style.ORANGE, style.GREY), strict=False):
+        bars.bar(np.arange(1, len(part) + 1), part, bottom=base, color=colour, label=name)
+        base = base + part
+    bars.set(xlabel="component", ylabel="% of all variance")
+    for (name, (x, y)), look in zip(curves.items(), ("-o", "--s", "-.^"), strict=False):
+        plot.plot(x, y, look, ms=3.5, label=name)
+    plot.set(xlabel="components kept, from the largest", ylabel=y_label, ylim=(0, 105))
+    for axes in (bars, plot):
+        axes.legend()
+    return style.closed(figure)

@@ -1,0 +1,52 @@
+"""Small panels of a study's table: every seed a dot, their mean a line, references dotted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import pandas as pd
+from matplotlib.figure import Figure
+
+from ptae_lite.errors import PTAEError
+from ptae_lite.plots import style
+
+LOOKS = (("-", "o"), ("--", "s"), ("-.", "^"), (":", "D"))
+
+
+def spreads(
+    rows: pd.DataFrame,
+    group: str,
+    x: str,
+    panels: Mapping[str, str],
+    x_label: str,
+    levels: Mapping[str, pd.Series] | None = None,
+    ticks: Sequence[float] | None = None,
+) -> Figure:
+    """A panel for each column in `panels` (with its label) over the column `x`.
+
+    Rows with the same `group` have one colour; `levels` are rows without a place along `x`.
+    With `ticks` that axis is logarithmic above the first of them that is not 0, and shows them.
+    Raises `PTAEError` where there are more groups than looks to tell them apart.
+    """
+    groups = list(dict.fromkeys(rows[group]))
+    if len(groups) > len(LOOKS):
+        raise PTAEError(f"these panels tell {len(LOOKS)} groups apart, not {len(groups)}")
+    width = 0.4 + 2.4 * len(panels)
+    figure, row = plt.subplots(1, len(panels), figsize=(width, 2.7), sharex=True, squeeze=False)
+    for axes, (column, label) in zip(row[0], panels.items(), strict=True):
+        for i, (name, (dash, mark)) in enumerate(zip(groups, LOOKS, strict=False)):
+            own = rows[rows[group] == name]
+            means = own.groupby(x)[column].mean()
+            axes.plot(own[x], own[column], mark, color=f"C{i}", ms=3, alpha=0.6)
+            axes.plot(means.index, means, dash, color=f"C{i}", marker=mark, ms=4, label=name)
+        for k, (name, level) in enumerate((levels or {}).items()):
+            colour = (style.GREY, style.PURPLE, style.SKY)[k % 3]
+            axes.axhline(level[column], color=colour, ls=":", label=name)
+        axes.set(title=label, xlabel=x_label)
+        if ticks is not None:
+            axes.set_xscale("symlog", linthresh=min(tick for tick in ticks if tick))
+            axes.set_xticks(ticks, [f"{tick:,g}" for tick in ticks])
+            axes.set_xticks([], minor=True)
+    figure.legend(*row[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return style.closed(figure)

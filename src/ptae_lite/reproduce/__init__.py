@@ -1,0 +1,1 @@
+"""Everything made anew and compared with what is stored; and a certificate of one run."""

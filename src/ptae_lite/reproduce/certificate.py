@@ -1,0 +1,218 @@
+"""A certificate of a run of the book: `python3 run.py certify`, and `--check FILE` for a teacher.
+
+It holds what ran, on which versions and files, the model's scores, and its answers to a dozen test
+clips that the reader's name picks: whoever copies a file has to ask the model again. It is no
+signature: the code that writes it is open, and so is the code that could forge it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+
+from ptae_lite import artefacts, dataset
+from ptae_lite.console import guarded
+from ptae_lite.errors import ArtefactError
+from ptae_lite.evaluation import evaluate, nrmse, poses, respond, sentences
+from ptae_lite.files import check_writable, whole
+from ptae_lite.models import checkpoint
+from ptae_lite.reproduce import fingerprints
+from ptae_lite.signals import Source
+
+FORMAT = "ptae-lite certificate 1"
+MODEL = "weights/ptae.safetensors"
+ASKED = 12
+ROOM = 1.0  # points between two machines: one sentence of 216 is half a point
+NEAR = 0.05  # points, of one clip's motion
+LIMIT_BYTES = 100_000
+FIELDS = ("name", "versions", "environment", "library", "sources", "data", "chapters", "scores",
+          "answers", "verdicts")  # fmt: skip
+
+
+def asked(name: str, test: np.ndarray) -> np.ndarray:
+    """The test samples that a name picks."""
+    seed = int.from_bytes(hashlib.sha256(name.strip().encode()).digest()[:8], "big")
+    return np.sort(np.random.default_rng(seed).choice(test, ASKED, replace=False))
+
+
+def answers(trained, samples, name: str) -> list[dict]:
+    """What the model says and does when it is asked for the clips of a name."""
+    source, chosen = Source(trained.dataset(samples)), asked(name, samples.split("test"))
+    said = sentences(respond(trained, source, chosen, "describe"))
+    made = poses(respond(trained, source, chosen, "execute"), trained.scaling)
+    errors = (
+        nrmse(made[i : i + 1], samples, chosen[i : i + 1], trained.scaling)[0] for i in range(ASKED)
+    )
+    return [
+        {"sample": int(sample), "said": words, "nrmse": round(error, 3)}
+        for sample, words, error in zip(chosen, said, errors, strict=True)
+    ]
+
+
+def ask(name: str) -> dict:
+    """The stored model's scores on all test clips, and its answers to those of a name."""
+    trained = checkpoint.load(artefacts.stored(MODEL))
+    samples = dataset.load()
+    scores = {score: round(value, 3) for score, value in evaluate(trained, samples).items()}
+    return {"scores": scores, "answers": answers(trained, samples, name)}
+
+
+def stored_hashes() -> dict[str, str]:
+    """What the files in `data/` are, which need not be what the manifest says."""
+    there = {name: artefacts.DATA / name for name in artefacts.manifest()}
+    return {name: artefacts.sha256(path) if path.is_file() else "" for name, path in there.items()}
+
+
+def make(name: str, times: dict) -> dict:
+    """The certificate of one who is called `name`, after the chapters took `times`."""
+    data, expected = stored_hashes(), artefacts.manifest()
+    chapters = {c: {"seconds": t["seconds"], "ran": not t["traceback"]} for c, t in times.items()}
+    sources = fingerprints.chapters()
+    whole_data = all(digest == expected[file]["sha256"] for file, digest in data.items())
+    body = {
+        "format": FORMAT,
+        "name": name,
+        "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        "versions": fingerprints.versions(),
+        "environment": fingerprints.environment(),
+        "library": fingerprints.library(),
+        "sources": sources,
+        "data": data,
+        "chapters": chapters,
+        **(ask(name) if whole_data else {"scores": {}, "answers": []}),
+        "verdicts": {
+            "every chapter ran": set(sources) <= {c for c, one in chapters.items() if one["ran"]},
+            "every stored file is whole": whole_data,
+        },
+    }
+    return body | {"seal": seal(body)}
+
+
+def seal(body: dict) -> str:
+    """A hash of all but the seal: a change by hand shows."""
+    rest = {key: value for key, value in body.items() if key != "seal"}
+    return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
+
+
+def read(path) -> dict:
+    """A certificate from a file. Raises `ArtefactError` where it is none."""
+    path = Path(path)
+    wrong = ArtefactError(f"{path} is no certificate of ours; one is made by: run.py certify")
+    try:
+        if path.stat().st_size > LIMIT_BYTES:
+            raise wrong
+        body = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ArtefactError(f"{path} is missing; name the file that was handed in") from None
+    except (ValueError, RecursionError, OSError):
+        raise wrong from None
+    if not isinstance(body, dict) or body.get("format") != FORMAT:
+        raise wrong
+    kinds = {"name": str, "environment": str, "library": str, "answers": list}
+    for field in FIELDS:
+        if not isinstance(body.get(field), kinds.get(field, dict)):
+            raise ArtefactError(f"{path} lacks {field!r}, so it was not written by run.py certify")
+    return body
+
+
+class Line(NamedTuple):
+    """One thing that was checked; what is only a remark does not fail a certificate."""
+
+    good: bool
+    what: str
+    says: str
+    remark: bool = False
+
+
+def check(body: dict) -> list[Line]:
+    """Hold a certificate against this checkout, whose model is asked the same questions."""
+    data = {name: entry["sha256"] for name, entry in artefacts.manifest().items()}
+    other = sorted(n for n in data.keys() | body["data"].keys()
+                   if data.get(n) != body["data"].get(n))  # fmt: skip
+    sources, ran = fingerprints.chapters(), body["chapters"]
+    failed = sorted(c for c in sources if not (isinstance(ran.get(c), dict) and ran[c].get("ran")))
+    changed = sorted(c for c in sources if body["sources"].get(c) != sources[c])
+    here = ask(body["name"])
+    same = sum(map(_same_answer, here["answers"], body["answers"]))
+    off = {score: abs(value - _number(body["scores"].get(score)))
+           for score, value in here["scores"].items()}  # fmt: skip
+    worst = max(off, key=off.get)
+    sealed, library, pins = (
+        seal(body) == body.get("seal"),
+        body["library"] == fingerprints.library(),
+        body["environment"] == fingerprints.environment(),
+    )
+    return [
+        Line(sealed, "seal", "whole" if sealed else "changed after it was written"),
+        Line(library, "library", "as here" if library else "another version than the one here"),
+        Line(pins, "packages", "pinned as here" if pins else "another environment.txt than here"),
+        Line(not other, "data", ", ".join(other) or f"{len(data)} files as here"),
+        Line(not failed, "chapters", "did not run: " + ", ".join(failed) if failed
+             else f"all {len(sources)} ran"),
+        Line(not changed, "sources", "changed: " + ", ".join(changed) if changed
+             else "the chapters of here", remark=True),
+        Line(off[worst] <= ROOM, "scores", f"within {off[worst]:.2f} points ({worst})"),
+        Line(same >= ASKED - 1 and len(body["answers"]) == ASKED, "answers",
+             f"{same} of {ASKED} as the model here, asked for {body['name']!r}"),
+    ]  # fmt: skip
+
+
+def _same_answer(mine: dict, theirs) -> bool:
+    """The same clip, the same words, and a motion as far off, but for the last digits."""
+    if not isinstance(theirs, dict):
+        return False
+    near = abs(mine["nrmse"] - _number(theirs.get("nrmse"))) <= NEAR
+    return near and all(mine[key] == theirs.get(key) for key in ("sample", "said"))
+
+
+def _number(value) -> float:
+    return float(value) if isinstance(value, int | float) else float("inf")
+
+
+def show(body: dict, lines: list[Line]) -> int:
+    print(f"{body['name'] or 'no name'}, {body.get('made')}, "
+          + ", ".join(f"{k} {v}" for k, v in body["versions"].items()))  # fmt: skip
+    for line in lines:
+        state = "good" if line.good else "remark" if line.remark else "WRONG"
+        print(f"{state:<8} {line.what:<9} {line.says}")
+    good = all(line.good or line.remark for line in lines)
+    print("The certificate holds." if good else "The certificate does not hold.")
+    return 0 if good else 1
+
+
+def main(arguments=None) -> int:
+    parser = argparse.ArgumentParser(prog="run.py certify", description=__doc__.split(":")[0])
+    parser.add_argument("--name", default="", help="who hands it in; picks what is asked")
+    parser.add_argument("--out", default="build/certificate.json", help="file to write")
+    parser.add_argument("--times", default="build/chapter_times.json", help="of the chapters' run")
+    parser.add_argument("--check", metavar="FILE", help="check a certificate, in seconds")
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+
+    def work() -> int:
+        if options.check:
+            body = read(options.check)
+            return show(body, check(body))
+        check_writable(options.out)
+        times = Path(options.times)
+        body = make(options.name, json.loads(times.read_text("utf-8")) if times.is_file() else {})
+        with whole(options.out) as beside:
+            beside.write_text(json.dumps(body, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        for what, good in body["verdicts"].items():
+            print(f"{'good' if good else 'WRONG':<8} {what}")
+        print(f"Hand in {options.out}")
+        return 0 if all(body["verdicts"].values()) else 1
+
+    return guarded("certify", work)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,55 @@
+"""Hashes that say which version of the project something was made with."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from importlib import metadata
+from pathlib import Path
+
+from ptae_lite.artefacts import ROOT
+
+SOURCE = Path(__file__).resolve().parents[1]
+ASIDE = (
+    "plots",
+    "widgets",
+    "book",
+    "reproduce",
+)  # they show and compare; no result depends on them
+PACKAGES = ("torch", "numpy", "pandas", "pybullet", "ipywidgets", "jupyterlab", "sphinx")
+
+
+def of_files(paths, below: Path) -> str:
+    """One hash of many text files: their names and contents, whatever ends their lines."""
+    digest = hashlib.sha256()
+    for path in sorted(paths):
+        content = path.read_bytes().replace(b"\r\n", b"\n")
+        digest.update(f"{path.relative_to(below).as_posix()}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()
+
+
+def library() -> str:
+    """Of the modules that results depend on."""
+    paths = SOURCE.rglob("*.py")
+    return of_files([p for p in paths if p.relative_to(SOURCE).parts[0] not in ASIDE], SOURCE)
+
+
+def chapters(book: Path = ROOT / "book") -> dict[str, str]:
+    """Of each chapter's source."""
+    return {path.stem: of_files([path], book) for path in sorted(book.glob("[0-9]*.md"))}
+
+
+def environment(root: Path = ROOT) -> str:
+    return of_files([root / "environment.txt"], root)
+
+
+def versions() -> dict[str, str]:
+    """Of Python and of the packages that numbers can depend on."""
+    found = {"python": platform.python_version(), "system": platform.system(),
+             "machine": platform.machine()}  # fmt: skip
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

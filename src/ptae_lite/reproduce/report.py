@@ -1,0 +1,91 @@
+"""What of a re-run agreed with the stored files: a table, and one line to end with."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from typing import TYPE_CHECKING, NamedTuple
+
+from ptae_lite import artefacts
+from ptae_lite.files import whole
+from ptae_lite.reproduce import checks, fingerprints
+from ptae_lite.reproduce.stages import Stage
+from ptae_lite.reproduce.view import duration
+
+if TYPE_CHECKING:
+    from ptae_lite.reproduce.pipeline import Rerun
+
+AGREES, IN_PART, DIFFERS = "agrees", "in part", "DIFFERS"
+TAKEN, NEW, MISSING = "not re-made", "new", "NOT MADE"
+
+
+class Row(NamedTuple):
+    """One stored file: its verdict, what was found, and the tolerance it was held to."""
+
+    file: str
+    verdict: str
+    found: str
+    tolerance: str
+
+
+def rows(rerun: Rerun) -> list[Row]:
+    """The verdict on every file that a stage makes, or that is stored."""
+    stored, made, found = rerun.settings.stored, rerun.settings.data, []
+    there = artefacts.manifest(stored)
+    for stage in rerun.stages:
+        entry = rerun.state["done"].get(stage.name, {})
+        for name, check in stage.makes.items():
+            if not rerun.finished(stage):
+                row = (MISSING, "its stage was not finished")
+            elif name not in there:
+                made_now = entry["command"] != rerun.taken
+                row = (NEW, "nothing is stored to compare it with") if made_now else (
+                    TAKEN, "needs PyBullet, and nothing is stored to take")  # fmt: skip
+            elif entry["command"] == rerun.taken:
+                row = (TAKEN, "needs PyBullet, so it was taken from data/")
+            else:
+                folder = rerun.settings.out if check.key else made
+                verdict = checks.judge(name, check, folder, stored)
+                good = AGREES if verdict.whole else IN_PART
+                says = verdict.says + ("" if verdict.whole else "; the other rows are the stored")
+                row = (good if verdict.agrees else DIFFERS, says)
+            found.append(Row(name, *row, check.states))
+    known = {row.file for row in found}
+    found += [Row(name, MISSING, "no stage makes it", "") for name in there if name not in known]
+    return found
+
+
+def write(rerun: Rerun, failed: Stage | None = None) -> int:
+    """Write `report.md` and `report.json`, print the end of it; 0 where nothing disagrees."""
+    found, out = rows(rerun), rerun.settings.out
+    minutes = sum(entry["minutes"] for entry in rerun.state["done"].values())
+    counts = Counter(row.verdict for row in found)
+    others = [f"{counts[v]} {v}" for v in (IN_PART, DIFFERS, MISSING, TAKEN, NEW) if counts[v]]
+    ending = ", ".join([f"{counts[AGREES]} of {len(found)} files agree", *others])
+    good = not failed and not counts[DIFFERS] and not counts[MISSING]
+    about = {
+        "seeds": rerun.settings.seeds, "device": rerun.settings.device,
+        "minutes": round(minutes, 1), "library": rerun.state["library"],
+        "versions": fingerprints.versions(), "good": good,
+    }  # fmt: skip
+    lines = [
+        "# A full re-run, held against `data/`", "",
+        f"{ending}. Seeds: {about['seeds']}. Device: {about['device']}. "
+        f"Time: {duration(minutes)}. "
+        + ", ".join(f"{name} {version}" for name, version in about["versions"].items()) + ".", "",
+        "| file | verdict | found | tolerance |", "|---|---|---|---|",
+        *(f"| {' | '.join(part.replace('|', '/') for part in row)} |" for row in found), "",
+        "| stage | minutes | command |", "|---|---|---|",
+        *(f"| {name} | {entry['minutes']:.1f} | `{entry['command']}` |"
+          for name, entry in rerun.state["done"].items()), "",
+    ]  # fmt: skip
+    with whole(out / "report.md") as beside:
+        beside.write_text("\n".join(lines), encoding="utf-8")
+    with whole(out / "report.json") as beside:
+        text = json.dumps(about | {"files": [row._asdict() for row in found]}, indent=1)
+        beside.write_text(text + "\n", encoding="utf-8")
+    for row in found:
+        if row.verdict != AGREES:
+            print(f"{row.verdict:12} {row.file}: {row.found}")
+    print(f"{ending}. The report: {out / 'report.md'}")
+    return 0 if good else 1

@@ -1,0 +1,29 @@
+"""Commands side by side: `python -m ptae_lite.reproduce.run_parallel MODULE ... + MODULE ...`.
+
+A study that ends in one long training leaves the other cores free for the next study.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from itertools import groupby
+
+
+def commands(words: list[str]) -> list[list[str]]:
+    """The words of each command."""
+    return [list(group) for between, group in groupby(words, "+".__eq__) if not between]
+
+
+def main(arguments: list[str]) -> int:
+    """Run each command to its end; 0 if none failed."""
+    running = [subprocess.Popen([sys.executable, "-m", *words]) for words in commands(arguments)]
+    try:
+        return int(any([process.wait() for process in running]))  # a list: all are waited for
+    finally:
+        for process in running:
+            process.terminate()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

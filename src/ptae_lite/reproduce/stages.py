@@ -1,0 +1,117 @@
+"""What a full re-run does, in order: one entry a command, with the stored files that it makes.
+
+To add a study, add its entry to `STAGES`: a name, the command, and of each file it leaves how it is
+held against the one in `data/`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ptae_lite.reproduce.checks import (
+    READOUT,
+    SCORES,
+    STRIPS,
+    Check,
+    arrays,
+    drawing,
+    episodes,
+    pictures,
+    table,
+    texts,
+)
+from ptae_lite.studies.eyes import CAES, PCAS
+
+
+class Stage(NamedTuple):
+    """One command of a re-run."""
+
+    name: str
+    command: str  # after `python -m`; {out}, {seeds}, {device} are filled in
+    makes: dict[str, Check] = {}  # files below {out} and in data/ alike
+    minutes: float = 1.0  # on two free cores
+    seed_minutes: float = 0.0  # more for each seed
+    simulator: bool = False  # needs PyBullet, or images that only a recording has
+    leaves: tuple[str, ...] = ()  # files below {out} that are not stored
+    lies: dict[str, str] = {}  # where below {out} it leaves a file, but no table, of another name
+
+    def estimate(self, seeds: int) -> float:
+        """Minutes that it takes with so many seeds."""
+        return self.minutes + self.seed_minutes * seeds
+
+    def arguments(self, **values) -> list[str]:
+        """The command's words; `seeds` is a list, of which each is a word of its own."""
+        words = []
+        for word in self.command.split():
+            fill = values["seeds"] if word == "{seeds}" else [word.format(**values)]
+            words += [str(one) for one in fill]
+        return words
+
+
+SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # one training differs from the next so much
+ANSWERS = {"right": (0, 0)}
+SEEN = {"both|left|right": (15, 0), "_mm|error": (0, 0.3), "r2": (0.15, 0)}
+EYES = {  # as long as the stored eyes were trained; the study goes further with the plain one
+    "weights/cae.safetensors": "eyes/separated_3x10_seed0/eye_128000.safetensors",
+    "weights/plain_cae.safetensors": "eyes/plain_10_seed0/eye_128000.safetensors",
+}
+STAGES = (
+    Stage("recording", "ptae_lite record --out {out}/recording", {
+        "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
+        "recording/frames.zip": pictures(2)}, 5, simulator=True),
+    Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
+          "--eyes {out}/eyes --seeds {seeds} --device {device} "
+          "--out {out}/results", {
+        "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
+        "results/eyes_drawings.npz": arrays(dict.fromkeys((*CAES, *PCAS), 10), 0.85),
+        "weights/cae.safetensors": drawing(0.25),
+        "weights/plain_cae.safetensors": drawing(0.25)},
+        1, 19, simulator=True, lies=EYES),
+    Stage("features", "ptae_lite features --data {out}/recording "
+          "--eye {out}/eyes/separated_3x10_seed0/eye_128000.safetensors",
+          {"recording/features.npz": READOUT}, 1, simulator=True),
+    Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
+          "--seeds {seeds} --out {out}/results",
+          {"results/eyes_ptae.csv": table(("eye", "seed", "presentations"), SCORED, 0.9)},
+          0, 11, simulator=True),
+    Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
+          "--out {out}/results", {  # its PTAE is that of the studies below
+        "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
+        "results/family_curves.csv":
+            table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8),
+        "weights/ptae.safetensors": SCORES},
+        0, 24, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
+    Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
+        "results/incongruence_stories.csv": texts(
+            ("sample", "signal", "conflict_in", "conflicts", "aspects"), "answer", 0.6),
+        "results/incongruence_stories.npz": arrays({"joints": 0.05, "films": 4}, 0.9)},
+        simulator=True),
+    Stage("recipes",  # both stored seeds: with 56 labels one training says little
+          "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 1 "
+          "--out {out}/results",
+          {"results/recipes.csv": table(("data", "choice", "seed"), SCORED, 0.9)}, 6),
+    Stage("conflicts and labels",  # PTAE's curves; the whole study of labels takes hours more
+          "ptae_lite.reproduce.run_parallel "
+          "ptae_lite study incongruence --workers 2 --weights {out}/weights --seeds {seeds} "
+          "--out {out}/results + "
+          "ptae_lite study supervision --core --models linear ptae --workers 2 "
+          "--seeds {seeds} --out {out}/results", {
+        "results/incongruence.csv": table(
+            ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
+            SCORED, 0.8),
+        "results/supervision.csv":
+            table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
+        "results/supervision_sentences.csv": table(
+            ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
+        1, 37),
+    Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
+          "--seeds {seeds} --out {out}/results", {
+        "results/closed_loop.csv": table(
+            ("model", "seed", "condition", "pattern", "variation"), {"^success$": (0, 0)}, 0.7),
+        "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
+        "results/closed_loop_episodes.npz": episodes(0.7),
+        "results/closed_loop_strips.npz": STRIPS,
+        "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 20, simulator=True),
+    Stage("book", "ptae_lite.book.site --out {out}", minutes=3,
+          leaves=("html/index.html", "chapter_times.json")),
+)  # fmt: skip

@@ -1,0 +1,237 @@
+"""One clip under conflict to choose from: what the model is given, and what it makes of it.
+
+A card is HTML: the words and the film strips with the conflicting parts marked, the answer beside
+truth and distractor, and for motions both arms in one 3-D scene. Nothing is told by colour alone: a
+conflicting part has the sign ≠ and a double line.
+"""
+
+from __future__ import annotations
+
+import io
+from base64 import b64encode
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
+from html import escape
+
+import numpy as np
+import pandas as pd
+from PIL import Image
+
+from ptae_lite.dataset import Samples
+from ptae_lite.language import Pattern, pattern, sentence
+from ptae_lite.plots.incongruence import FILLS, score_name
+from ptae_lite.studies.followed import FOLLOWED, distractor_of, truth_of
+from ptae_lite.studies.incongruence import (
+    ANSWERS_WORDS,
+    ASPECTS,
+    EXTRA_INPUT,
+    Condition,
+    conflict_sets,
+)  # fmt: skip
+from ptae_lite.studies.stories import Stories
+from ptae_lite.widgets.panels import Panel
+from ptae_lite.widgets.scene3d import arm_scene
+
+SIGNALS = ("repeat language", "execute", "describe", "repeat action")
+PLACES = {"all of it": "", "video only": "vision", "joints only": "proprioception", "none": None}
+FIRST = ("action", "cube", "speed")  # which aspect is false first; the next ones follow in a circle
+MARK = "border-bottom:3px double #D55E00;font-weight:bold"
+
+
+def condition_of(signal: str, extra: str, conflicts: int, first: str) -> Condition:
+    """The condition that a panel's controls stand for.
+
+    Without an extra input nothing can be in conflict; with one and no conflict it is the congruent
+    control. A sentence has no video or joints of its own.
+    """
+    place, kind = PLACES[extra], EXTRA_INPUT[signal]
+    if place is None:
+        return Condition(signal)
+    if not conflicts:
+        return Condition(signal, "congruent")
+    start = FIRST.index(first)
+    chosen = {(start + k) % 3 for k in range(conflicts)}
+    aspects = tuple(aspect for k, aspect in enumerate(ASPECTS[kind]) if k in chosen)
+    assert aspects in conflict_sets(signal, conflicts)
+    return Condition(signal, place if place and kind == "action" else kind, aspects)
+
+
+@dataclass(frozen=True, eq=False)
+class Card:
+    """What one clip is given and answered under one condition, as HTML."""
+
+    samples: Samples
+    stories: Stories
+    table: pd.DataFrame
+    condition: Condition
+
+    @cached_property
+    def html(self) -> str:
+        words = self.condition.signal in ANSWERS_WORDS
+        parts = [self._given(), self._extra(), self._answer(), self._shares()]
+        return "".join(parts) + ("" if words else self._scene())
+
+    def _repr_html_(self) -> str:
+        return self.html
+
+    @property
+    def own(self) -> Pattern:
+        return pattern(int(self.samples.pattern[self.stories.index]))
+
+    @property
+    def row(self):
+        return self.stories.of(self.condition)
+
+    def _given(self) -> str:
+        """The task with its regular input."""
+        signal, own = self.condition.signal, self.own
+        still = EXTRA_INPUT[signal] == "action"
+        if not still:
+            given = f"It sees a clip: {_clip(own)}."
+        else:
+            sees = "sees" if self.condition.conflict_in == "none" else "would see"
+            given = (f"It reads <q>{sentence(own.meaning)}</q>, and {sees} the first frame of that "
+                     f"clip standing still ({own.left} left, {own.right} right).")  # fmt: skip
+        return f"<p><b>{signal}.</b> {given}</p>{self._strip(own, still)}"
+
+    def _extra(self) -> str:
+        """The extra input, its conflicting parts marked."""
+        signal, place, aspects = self.condition
+        if place == "none":
+            return "<p>No extra input.</p>"
+        row, own = self.row, self.own
+        if EXTRA_INPUT[signal] == "language":
+            said = " ".join(
+                _marked(word, f"not {true}") if aspect in aspects else word
+                for word, true, aspect in zip(
+                    row.sentence.split(), own.meaning, ASPECTS["language"], strict=True
+                )
+            )
+            return f"<p>Extra input, a sentence: <q>{said}</q></p>"
+        other = pattern(int(self.samples.pattern[row.clip]))
+        parts = {"action": other.action, "position": f"{other.side} cube", "speed": other.speed}
+        true = {"action": own.action, "position": f"{own.side} cube", "speed": own.speed}
+        shown = ", ".join(
+            _marked(part, f"not {true[aspect]}") if aspect in aspects else part
+            for aspect, part in parts.items()
+        )
+        whose = "another clip" if aspects else "its own moving clip"
+        what = {"vision": "the <b>video</b> of another clip, and the joints of its own",
+                "proprioception": "the <b>joints</b> of another clip, and the video of its own",
+                }.get(place, f"{whose}, video and joints")  # fmt: skip
+        seen = own if place == "proprioception" else other
+        return f"<p>Instead: {what}: {shown}.</p>{self._strip(seen, False, seen is not own)}"
+
+    def _answer(self) -> str:
+        """Truth, distractor and answer, and who is followed."""
+        signal, place, aspects = self.condition
+        index, row = self.stories.index, self.row
+        extra = row.sentence if EXTRA_INPUT[signal] == "language" else row.clip
+        told = [("truth", _said(truth_of(self.samples, index, signal), signal))]
+        if aspects:
+            distractor = distractor_of(self.samples, index, extra, self.condition)
+            told.append(("distractor", _said(distractor, signal)))
+        answer = escape(row.answer) or "(nothing)"
+        if signal not in ANSWERS_WORDS:
+            answer = f"nearest to: {answer}, {row.distance:.1f} % away"
+        told.append(("the model", f"<b>{answer}</b>"))
+        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in told)
+        verdict = row.follows if aspects or row.follows == "truth" else "not the truth"
+        cells += f"<tr><td>follows</td><td><b>{verdict}</b></td></tr>"
+        return f'<table style="margin:1em 0">{cells}</table>'
+
+    def _shares(self) -> str:
+        """The score of all test clips under the condition, and whom their answers follow."""
+        signal, place, aspects = self.condition
+        rows = self.table[
+            (self.table["signal"] == signal) & (self.table["conflict_in"] == place)
+            & (self.table["aspects"] == " ".join(aspects))
+        ]  # fmt: skip
+        name = score_name(signal)
+        score = f"{'accuracy' if name == 'accuracy' else 'NRMSE'} {rows[name].mean():.1f} %"
+        shares = {who: rows[who].mean() for who in FOLLOWED}
+        bar = "".join(
+            f'<span style="width:{share:.1f}%;background:{_fill(who)}"></span>'
+            for who, share in shares.items() if share
+        )  # fmt: skip
+        texts = ", ".join(f"{who} {share:.0f} %" for who, share in shares.items())
+        return (
+            f"<p>All 216 test clips, mean of {rows['seed'].nunique()} models: {score}. "
+            f"They follow: {texts}.</p>"
+            f'<span role="img" aria-label="{texts}" style="display:flex;height:12px;'
+            f'max-width:30rem;margin-bottom:1em">{bar}</span>'
+        )
+
+    def _strip(self, shown: Pattern, still: bool, false: bool = False) -> str:
+        """Six pictures of a clip from first to last, or one standing still."""
+        film = self.stories.films[shown.action_index]
+        film = film[:1] if still else film
+        edge = "3px double #D55E00" if false else "1px solid #888"
+        name = "first frame of" if still else "six pictures of"
+        return (
+            f'<img alt="{name} {_clip(shown)}" style="max-width:100%;border:{edge};padding:2px" '
+            f'src="{_webp(np.concatenate(list(film), axis=1))}">'
+        )
+
+    def _scene(self) -> str:
+        """The arm as the model moves it, and faintly the true one."""
+        index, count = self.stories.index, int(self.samples.frames[self.stories.index])
+        true = self.samples.joints[index, :count]
+        made = np.concatenate([true[:1], self.stories.joints[self.row.track][: count - 1]])
+        scene = arm_scene(
+            made, self.samples.cubes[index, :count], self.own.arrangement, ghost_joints_rad=true,
+            ghost_name="the recorded one. Solid: the model's", still_png=b"\x89PNG",
+            title=f"{self.condition.signal}: the model's arm, and the recorded one faintly",
+        )  # fmt: skip
+        return replace(scene, still_png=None, height_px=360)._repr_html_()
+
+
+def panel(samples: Samples, stories: Stories, table: pd.DataFrame) -> Panel:
+    """Choose a signal, what is put into its extra input, how many conflicts, and which first."""
+
+    @cache
+    def card(condition: Condition) -> Card:
+        return Card(samples, stories, table, condition)
+
+    def show(signal: str, extra: str, conflicts: int, first: str) -> Card:
+        return card(condition_of(signal, extra, conflicts, first))
+
+    return Panel(
+        show,
+        {"signal": list(SIGNALS), "extra": list(PLACES), "conflicts": [0, 1, 2, 3],
+         "first": list(FIRST)},
+        "One test clip under conflict",
+        start={"signal": "execute", "conflicts": 1},
+        labels={"extra": "extra input", "first": "false first"},
+    )  # fmt: skip
+
+
+def _clip(shown: Pattern) -> str:
+    cubes = f"{shown.left} left, {shown.right} right"
+    return f"{shown.action} the {shown.side} cube {shown.speed} ({cubes})"
+
+
+def _said(told, signal: str) -> str:
+    action, cube, speed = told
+    if signal not in ANSWERS_WORDS:
+        cube = f"the {cube} cube" if cube else "a cube that is not there"
+    return f"{action} {cube} {speed}"
+
+
+def _marked(text: str, true: str) -> str:
+    return f'<span style="{MARK}">≠ {escape(text)}</span> <small>({escape(true)})</small>'
+
+
+def _fill(who: str) -> str:
+    """A bar's colour, with stripes in another direction for each."""
+    colour, hatch = FILLS[who]
+    if not hatch:
+        return colour
+    turn = {"///": 45, "...": 90, "xx": 135}[hatch]
+    return f"repeating-linear-gradient({turn}deg,{colour} 0 5px,#ffffff 5px 7px)"
+
+
+def _webp(image: np.ndarray) -> str:
+    small = io.BytesIO()
+    Image.fromarray(image).save(small, "WEBP", quality=60, method=6)
+    return f"data:image/webp;base64,{b64encode(small.getvalue()).decode('ascii')}"

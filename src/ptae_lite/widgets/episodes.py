@@ -1,0 +1,154 @@
+"""Episodes of the closed loop to look at: a panel of them, a box to type into, film strips."""
+
+from __future__ import annotations
+
+from html import escape
+
+import ipywidgets
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from torch import nn
+
+from ptae_lite import artefacts
+from ptae_lite.errors import PTAEError, RobotError
+from ptae_lite.language import ACTIONS, MEANINGS, SIDES, SPEEDS, Meaning, alternatives, parse
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.plots import style
+from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
+from ptae_lite.run_mode import is_static
+from ptae_lite.studies.episodes import STRIPS, Kept, perform, side_of, stages
+from ptae_lite.widgets.panels import Panel
+from ptae_lite.widgets.scene3d import arm_scene
+from ptae_lite.widgets.viewer import Viewer
+
+WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to the right"}
+
+
+def verdict_text(kept: Kept) -> str:
+    """The verdict in a sentence."""
+    meaning, verdict = parse(kept.told), kept.verdict
+    side = side_of(kept.stage, meaning)
+    pace = f"{verdict.frames} frames, {meaning.speed} asked for"
+    fell = kept.episode.cubes[-1, :, 2] < TABLE_TOP_M
+    if side is None:
+        return f"There is no {meaning.colour} cube here, whatever the arm did ({pace})."
+    named = SIDES.index(side)
+    went = f"went {verdict.named_mm:.0f} mm {WAY[meaning.action]}"
+    moved = f"moved {verdict.other_mm:.0f} mm"
+    return (
+        f"{'Done as told' if verdict.success else 'NOT done: ' + verdict.reason}. The "
+        f"{meaning.colour} cube ({side}) {'fell off the table' if fell[named] else went}, "
+        f"the other one {'fell off the table' if fell[1 - named] else moved}; {pace}."
+    )
+
+
+class Shown:
+    """An episode in 3-D with its verdict above it."""
+
+    def __init__(self, kept: Kept):
+        self.kept, self.text = kept, verdict_text(kept)
+        self.viewer: Viewer = arm_scene(
+            kept.episode.joints_rad, kept.episode.cubes, kept.stage.colours,
+            title=f"the arm executes: {kept.told}",
+        )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        return f"<p>{escape(self.text)}</p>{self.viewer._repr_html_()}"
+
+
+def panel(kept: list[Kept]) -> Panel:
+    """Choose a scene and a sentence, and see what the model did."""
+    by_key = {(" and ".join(one.stage.colours), parse(one.told)): one for one in kept}
+    scenes = list(dict.fromkeys(scene for scene, _ in by_key))
+
+    def find(cubes: str, action: str, which: str, speed: str) -> Kept:
+        colours = cubes.split(" and ")
+        return by_key[cubes, Meaning(action, colours[which != "the left one"], speed)]
+
+    return Panel(
+        lambda **values: Shown(find(**values)),
+        {"cubes": scenes, "action": ACTIONS, "which": ("the left one", "the right one"),
+         "speed": SPEEDS},
+        "Told and done",
+        describe=lambda **values: verdict_text(find(**values)),
+    )  # fmt: skip
+
+
+def answer(trained: Trained, eye: nn.Module, kept: list[Kept], scene: str, text: str) -> Shown:
+    """Let the model do what `text` says in one of the scenes of `episodes.stages`.
+
+    Without PyBullet it is looked up among the stored episodes.
+
+    Raises:
+        LanguageError: no sentence of this language, and which words there are.
+        RobotError: no PyBullet here, and no such episode is stored.
+    """
+    meaning, stage = parse(text.strip().lower()), stages()[scene]
+    try:
+        pybullet()
+    except RobotError:
+        for one in kept:
+            if one.stage.colours == stage.colours and parse(one.told) == meaning:
+                return Shown(one)
+        raise RobotError(
+            f"there is no PyBullet here to act out {text!r}, and no such episode is stored; stored "
+            f"are all sentences about the cubes that are there, {scene}"
+        ) from None
+    return Shown(perform(trained, eye, stage, text.strip().lower(), meaning))
+
+
+class Box:
+    """A box to type a sentence into, and the arm that does it.
+
+    On a page without a kernel it says so; the panel of stored episodes works there.
+    """
+
+    def __init__(self, trained: Trained, eye: nn.Module, kept: list[Kept]):
+        self.ask = lambda scene, text: answer(trained, eye, kept, scene, text)
+
+    def widget(self) -> ipywidgets.VBox:
+        """Scene, sentence and button, and below them what the arm did."""
+        scene = ipywidgets.Dropdown(options=list(stages()), description="cubes")
+        text = ipywidgets.Combobox(
+            value="push red slowly", description="sentence", ensure_option=False,
+            options=[s for meaning in MEANINGS for s in alternatives(meaning)],
+        )  # fmt: skip
+        button = ipywidgets.Button(description="Act")
+        view = ipywidgets.HTML()
+
+        def act(_click) -> None:
+            button.disabled = True
+            try:
+                view.value = self.ask(scene.value, text.value)._repr_html_()
+            except PTAEError as error:
+                view.value = f'<p role="alert">{escape(str(error))}</p>'
+            finally:
+                button.disabled = False
+
+        button.on_click(act)
+        return ipywidgets.VBox([scene, text, button, view])
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
+        if is_static():
+            note = "In a notebook, a box stands here for typing any sentence; a kernel acts it out."
+            return {"text/html": f"<p><em>{note}</em></p>", "text/plain": note}
+        return self.widget()._repr_mimebundle_() | {"text/plain": "a box to type a sentence"}
+
+
+def strips(path=None) -> Figure:
+    """Film strips of episodes, a row each, with what was told and what came of it."""
+    with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
+        films, texts = file["films"], file["texts"].tolist()
+    # by hand: the automatic layout would make the first column as wide as the lines over it
+    figure, axes = plt.subplots(
+        *films.shape[:2], figsize=(7.5, 1.35 * len(films)), layout="none",
+        gridspec_kw={"left": 0, "right": 1, "bottom": 0, "top": 0.97, "wspace": 0.04,
+                     "hspace": 0.3},
+    )  # fmt: skip
+    for row, film, text in zip(axes, films, texts, strict=True):
+        for axis, image in zip(row, film, strict=True):
+            axis.imshow(image)
+            axis.set_axis_off()
+        row[0].set_title(text, loc="left", fontsize=8)
+    return style.closed(figure)

@@ -1,0 +1,253 @@
+"""Sliders that work with a kernel and on a page without one.
+
+A `Panel` is a pure function and the values it may be called with. Where a kernel runs it is a
+widget. In the static book it is plain HTML with one picture for each combination of values: no
+library, no network, and the keyboard works as in any form.
+"""
+
+from __future__ import annotations
+
+import base64
+import inspect
+import io
+import json
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from html import escape
+from itertools import product
+from numbers import Real
+from typing import Any
+
+import ipywidgets
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+from ptae_lite.errors import PTAEError
+from ptae_lite.run_mode import is_static
+
+# Runs when any control of the panel moves: shows the one frame that belongs to their positions.
+# Positions that show the same share a frame. A frame with a scene is laid away in a template while
+# it is out of sight: browsers load scenes that are hidden, too, and keep only about 16 alive.
+# It is an attribute and not a script, so it needs no names that could occur twice on a page.
+_ON_INPUT = """
+let index = 0;
+const order = JSON.parse(this.dataset.order);
+for (const row of this.querySelectorAll('[data-values]')) {
+  const values = JSON.parse(row.dataset.values), control = row.querySelector('input, select');
+  const output = row.querySelector('output'), position = Number(control.value);
+  index = index * values.length + position;
+  if (output) {
+    output.value = values[position];
+    control.setAttribute('aria-valuetext', values[position]);
+  }
+}
+this.querySelectorAll('[data-frame]').forEach((frame, i) => {
+  const shown = i === order[index], kept = frame.querySelector(':scope > template');
+  if (shown && kept) frame.replaceChildren(kept.content.cloneNode(true));
+  if (!shown && frame.querySelector('iframe')) {
+    const away = document.createElement('template');
+    away.innerHTML = frame.innerHTML;
+    frame.replaceChildren(away);
+  }
+  frame.hidden = !shown;
+});
+"""
+
+
+class Panel:
+    """A function under one or more sliders or choices.
+
+    Args:
+        function: called as `function(name=value, ...)`; returns a matplotlib figure, an object
+            with `_repr_html_`, or a text. It must depend on its arguments alone.
+        values: the values of the function's one control, or a dictionary with the values of each
+            control, by argument name. Numbers make a slider, anything else a choice.
+        label: what is written at the one control; over several, the panel's title (each control
+            then has its argument's name).
+        start: the value to begin with, or a dictionary of them; otherwise the first ones.
+        labels: what is written at a control instead of its argument's name.
+        describe: called like `function`, returns in a sentence what its figure shows, for those
+            who cannot see it; otherwise the label and the values.
+
+    Shown with a kernel, it is a widget, with a picture of the start for pages that show no
+    widgets. With `PTAE_STATIC=1` in the environment it is HTML with every frame drawn beforehand.
+    Each frame is drawn once. An error of the function comes up when the panel is made, or, later,
+    in place of the picture.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        values: Iterable | Mapping[str, Iterable],
+        label: str,
+        *,
+        start: Any = None,
+        labels: Mapping[str, str] | None = None,
+        describe: Callable[..., str] | None = None,
+    ):
+        if isinstance(values, Mapping):
+            self.labels = {name: name.replace("_", " ") for name in values} | dict(labels or {})
+        else:
+            name = next(iter(inspect.signature(function).parameters))
+            values, start = {name: values}, None if start is None else {name: start}
+            self.labels = {name: label}
+        self.values = {name: list(allowed) for name, allowed in values.items()}
+        for name, allowed in self.values.items():
+            if not allowed or any(value in allowed[:i] for i, value in enumerate(allowed)):
+                raise PTAEError(f"{name} needs at least one value, and each only once: {allowed}")
+        self.function, self.label, self.describe = function, label, describe
+        self.start = {name: allowed[0] for name, allowed in self.values.items()} | (start or {})
+        self._frames: dict[tuple[int, ...], Any] = {}
+        self._faces: dict[tuple[int, ...], str] = {}
+        # Drawn now and not when shown: of an error raised while showing, IPython prints the
+        # traceback, but the cell counts as passed.
+        self.face(**self.start)
+        self._static = self.html() if is_static() else None
+
+    def frame(self, **values) -> Any:
+        """What the function returns for these values, which must be among those of the panel."""
+        key = self._positions(values)
+        if key not in self._frames:
+            made = self.function(**values)
+            if isinstance(made, Figure):
+                plt.close(made)  # or the notebook would show it a second time, below the cell
+            elif not isinstance(made, str) and not hasattr(made, "_repr_html_"):
+                raise PTAEError(
+                    f"the function of panel {self.label!r} returned {type(made).__name__}; it "
+                    "must return a matplotlib figure, a text or an object with _repr_html_"
+                )
+            self._frames[key] = made
+        return self._frames[key]
+
+    def face(self, **values) -> str:
+        """The frame for these values as HTML, the same with and without a kernel."""
+        key = self._positions(values)
+        if key not in self._faces:
+            self._faces[key] = as_html(self.frame(**values), self.description(**values))
+        return self._faces[key]
+
+    def description(self, **values) -> str:
+        """The text that stands for the picture."""
+        self._positions(values)
+        if self.describe is not None:
+            return self.describe(**values)
+        texts = (f"{self.labels[name]} = {_text(value)}" for name, value in values.items())
+        return ("" if len(values) == 1 else f"{self.label}: ") + ", ".join(texts)
+
+    def widget(self) -> ipywidgets.VBox:
+        """The live face: a control per argument, and the frame below."""
+        controls = {}
+        for name, allowed in self.values.items():
+            slides = _all_numbers(allowed)
+            kind = ipywidgets.SelectionSlider if slides else ipywidgets.Dropdown
+            controls[name] = kind(
+                options=[(_text(value), value) for value in allowed],
+                value=self.start[name],
+                description=self.labels[name],
+                style={"description_width": "initial"},
+                layout={"width": "min(34rem, 100%)" if slides else "max-content"},
+            )
+        view = ipywidgets.HTML(self.face(**self.start))
+
+        def update(_change):
+            try:
+                view.value = self.face(**{name: c.value for name, c in controls.items()})
+            except Exception:
+                view.value = f'<pre role="alert">{escape(traceback.format_exc())}</pre>'
+                raise  # a callback's error goes to a log that few readers open: hence both
+
+        for control in controls.values():
+            control.observe(update, "value")
+        return ipywidgets.VBox([*controls.values(), view])
+
+    def html(self) -> str:
+        """The static face: controls and every different frame, drawn now."""
+        rows = "".join(self._row(name) for name in self.values)
+        combinations = product(*self.values.values())
+        faces = [self.face(**dict(zip(self.values, c, strict=True))) for c in combinations]
+        number = {face: i for i, face in enumerate(dict.fromkeys(faces))}
+        first = self.face(**self.start)
+        frames = "".join(
+            f"<div data-frame>{face}</div>" if face == first
+            else f"<div data-frame hidden>{_laid_away(face)}</div>" for face in number
+        )  # fmt: skip
+        return (
+            f'<div data-ptae-embed="panel" role="group" aria-label="{escape(self.label)}" '
+            f'oninput="{escape(_ON_INPUT)}" data-order="{[number[face] for face in faces]}">'
+            f'{rows}<div aria-live="polite">{frames}</div></div>'
+        )
+
+    def _row(self, name: str) -> str:
+        allowed, first = self.values[name], self.values[name].index(self.start[name])
+        texts = [_text(value) for value in allowed]
+        if _all_numbers(allowed):
+            control = (
+                f'<input type="range" min="0" max="{len(allowed) - 1}" step="1" value="{first}" '
+                f'aria-valuetext="{escape(texts[first])}" autocomplete="off">'
+            )
+            output = f"<output>{escape(texts[first])}</output>"
+        else:
+            options = "".join(
+                f'<option value="{i}"{" selected" if i == first else ""}>{escape(text)}</option>'
+                for i, text in enumerate(texts)
+            )
+            control, output = f'<select autocomplete="off">{options}</select>', ""
+        return (
+            f'<div data-values="{escape(json.dumps(texts))}" style="margin:.4em 0">'
+            f"<label>{escape(self.labels[name])} {control}</label> {output}</div>"
+        )
+
+    def _positions(self, values: Mapping[str, Any]) -> tuple[int, ...]:
+        """Where each value stands among those of its control."""
+        if set(values) != set(self.values):
+            raise PTAEError(f"panel {self.label!r} takes {', '.join(self.values)}")
+        for name, value in values.items():
+            if value not in self.values[name]:
+                allowed = ", ".join(_text(one) for one in self.values[name])
+                raise PTAEError(f"{name} = {_text(value)} is not in this panel; it has {allowed}")
+        return tuple(self.values[name].index(values[name]) for name in self.values)
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, Any]:
+        if self._static is not None:
+            return {"text/html": self._static, "text/plain": repr(self)}
+        bundle = self.widget()._repr_mimebundle_() | {"text/plain": repr(self)}
+        at_start = self.frame(**self.start)
+        if isinstance(at_start, Figure):
+            bundle["image/png"] = base64.b64encode(_saved(at_start, "png")).decode("ascii")
+        return bundle
+
+    def __repr__(self) -> str:
+        start = ", ".join(f"{name}={_text(value)}" for name, value in self.start.items())
+        return f"Panel({self.label!r}, {start})"
+
+
+def as_html(made: Any, description: str) -> str:
+    """A figure with what it shows in words, a text, or what can show itself."""
+    if isinstance(made, Figure):
+        picture = base64.b64encode(_saved(made, "svg")).decode("ascii")
+        return (
+            f'<img style="max-width:100%" alt="{escape(description)}" '
+            f'src="data:image/svg+xml;base64,{picture}">'
+        )
+    return f"<pre>{escape(made)}</pre>" if isinstance(made, str) else made._repr_html_()
+
+
+def _laid_away(face: str) -> str:
+    return f"<template>{face}</template>" if "<iframe" in face else face
+
+
+def _saved(figure: Figure, kind: str) -> bytes:
+    """The same bytes for the same figure: neither random names nor a date."""
+    file = io.BytesIO()
+    metadata = {"Date": None} if kind == "svg" else {"Software": None}
+    with plt.rc_context({"svg.hashsalt": "ptae_lite"}):
+        figure.savefig(file, format=kind, metadata=metadata)
+    return file.getvalue()
+
+
+def _all_numbers(values: list) -> bool:
+    return all(isinstance(value, Real) and not isinstance(value, bool) for value in values)
+
+
+def _text(value: Any) -> str:
+    return str(value).removesuffix(".0") if isinstance(value, float) else str(value)

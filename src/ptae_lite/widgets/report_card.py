@@ -1,0 +1,41 @@
+"""The report card as a table to read: a row a claim, each with a link to where it is shown."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+
+import pandas as pd
+from IPython.display import HTML
+
+from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
+from ptae_lite.run_mode import is_static
+
+MARKS = {HELD: "●", CAVEAT: "◐", NOT_HELD: "○", NOT_TESTABLE: "–"}
+COLUMNS = ("claim", "paper", "ours", "this run", "verdict")
+
+
+def link(chapter: str, heading: str) -> str:
+    """Where a heading of a chapter is: on the site, or among the notebooks in JupyterLab."""
+    if not is_static():
+        return f"{chapter}.ipynb#{heading.replace(' ', '-')}"
+    return f"{chapter}.html#{re.sub(r'[^a-z0-9_ -]', '', heading.lower()).replace(' ', '-')}"
+
+
+def table(card: pd.DataFrame) -> HTML:
+    """The rows of `paper.report_card.card`, one heading for each group."""
+    lines = ['<table class="dataframe report-card"><thead><tr>']
+    lines += [f"<th>{name}</th>" for name in COLUMNS] + ["</tr></thead><tbody>"]
+    for group, rows in card.groupby("group", sort=False):
+        lines.append(f'<tr><th colspan="{len(COLUMNS)}">{escape(group)}</th></tr>')
+        lines += [_row(row) for row in rows.to_dict("records")]
+    return HTML("\n".join([*lines, "</tbody></table>"]))
+
+
+def _row(row: dict) -> str:
+    where = escape(link(row["chapter"], row["heading"]), quote=True)
+    cells = [f'<a href="{where}">{escape(row["claim"])}</a>']
+    cells += [escape(row[name]) for name in ("paper", "ours", "this run")]
+    judged = f"{MARKS[row['verdict']]}&nbsp;{row['verdict']}"
+    cells.append(judged + (f"<br><small>{escape(row['why'])}</small>" if row["why"] else ""))
+    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"

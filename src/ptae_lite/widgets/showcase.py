@@ -1,0 +1,36 @@
+"""The arm at work, by what it is told: one recorded sample of each of the 12 actions."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from ptae_lite import frames
+from ptae_lite.dataset import Samples
+from ptae_lite.language import ACTIONS, SIDES, SPEEDS, pattern
+from ptae_lite.widgets.panels import Panel
+from ptae_lite.widgets.scene3d import sample_scene
+from ptae_lite.widgets.viewer import Viewer
+
+
+def film_sample(samples: Samples, action: str, side: str, speed: str) -> int:
+    """The sample of an action whose film is stored."""
+    for index in frames.film_patterns():
+        one = pattern(index)
+        if (one.action, one.side, one.speed) == (action, side, speed):
+            return int(((samples.pattern == index) & (samples.variation == 0)).argmax())
+    raise ValueError(f"no film of {action} {side} {speed}")
+
+
+def scene(samples: Samples, action: str, side: str, speed: str) -> Viewer:
+    """One action as a scene that plays by itself, with the camera's view."""
+    return sample_scene(samples, film_sample(samples, action, side, speed), eye=True, autoplay=True)
+
+
+def panel(samples: Samples) -> Panel:
+    """Choose an action, a cube and a speed, and watch the arm do it."""
+    return Panel(
+        partial(scene, samples),
+        {"action": list(ACTIONS), "side": list(SIDES), "speed": list(SPEEDS)},
+        "Tell the arm what to do",
+        labels={"side": "cube"},
+    )

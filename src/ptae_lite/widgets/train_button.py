@@ -1,0 +1,62 @@
+"""A panel with a button beside it that does one position's work anew, where a kernel runs."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from html import escape
+from typing import Any
+
+import ipywidgets
+from matplotlib.figure import Figure
+
+from ptae_lite.run_mode import is_static
+from ptae_lite.widgets.panels import Panel, as_html
+
+
+class Workshop:
+    """A panel, and a button.
+
+    Args:
+        panel: shown above the button; on a page without a kernel it is all that is shown.
+        work: called with the panel's values and `tell`, a function that shows a line of text while
+            the work goes on; returns a figure or a text, which appears below.
+        button: what is written on the button.
+    """
+
+    def __init__(self, panel: Panel, work: Callable[..., Any], button: str):
+        self.panel, self.work, self.button = panel, work, button
+
+    def widget(self) -> ipywidgets.VBox:
+        """The panel's widget, the button, a line that says how far the work is, the result."""
+        box = self.panel.widget()
+        controls = dict(zip(self.panel.values, box.children, strict=False))
+        button = ipywidgets.Button(description=self.button, layout={"width": "max-content"})
+        line, result = ipywidgets.HTML(), ipywidgets.HTML()
+
+        def tell(text: str) -> None:
+            line.value = f'<span role="status">{escape(text)}</span>'
+
+        def press(_button) -> None:
+            button.disabled = True
+            try:
+                made = self.work(tell=tell, **{n: c.value for n, c in controls.items()})
+                text = made if isinstance(made, str) else "The figure shows what was just made."
+                result.value = as_html(made, text) if isinstance(made, Figure) else escape(text)
+            except Exception:
+                result.value = f'<pre role="alert">{escape(traceback.format_exc())}</pre>'
+                raise  # a callback's error goes to a log that few readers open: hence both
+            finally:
+                button.disabled = False
+
+        button.on_click(press)
+        return ipywidgets.VBox([*box.children, button, line, result])
+
+    def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, Any]:
+        bundle = self.panel._repr_mimebundle_(include, exclude)
+        if not is_static():
+            bundle |= self.widget()._repr_mimebundle_() | {"text/plain": repr(self)}
+        return bundle
+
+    def __repr__(self) -> str:
+        return f"Workshop({self.panel!r}, {self.button!r})"
