@@ -10,6 +10,8 @@ from PIL import Image
 
 from ptae_lite.errors import PTAEError
 from ptae_lite.plots import simulation as simulation_plots
+from ptae_lite.plots import style
+from ptae_lite.plots import vision as vision_plots
 from ptae_lite.robot import arm
 from ptae_lite.robot.inverse import home_rad
 
@@ -70,7 +72,7 @@ def test_a_ragged_grid_is_refused(rows, groups):
 
 def test_marked_images_have_their_marks():
     points = {name: np.array([[10, 20], [30, 40]]) + i for i, name in enumerate("abc")}
-    figure = drawn(simulation_plots.marked([image(0)] * 2, points, ["one", "two"]))
+    figure = drawn(vision_plots.marked([image(0)] * 2, points, ["one", "two"]))
     for i, axes in enumerate(figure.axes):
         places = {one.get_label(): one.get_xydata().tolist() for one in axes.lines}
         assert [places[name] for name in points] == [[points[name][i].tolist()] for name in points]
@@ -115,25 +117,25 @@ def test_travel_has_a_dot_for_each_sample():
 def test_a_png_is_small_and_the_same_bytes_each_time(cubes, monkeypatch):
     monkeypatch.setitem(plt.rcParams, "figure.constrained_layout.use", True)  # as in a chapter
     figure = simulation_plots.arm_drawing(home_rad(), cubes, ("red", "blue"))
-    made = simulation_plots.png(figure)
-    assert made == simulation_plots.png(figure) and len(made) < 100_000
+    made = style.png(figure)
+    assert made == style.png(figure) and len(made) < 100_000
     assert Image.open(io.BytesIO(made)).format == "PNG"
 
 
 def test_a_chart_is_the_small_png():
     figure = simulation_plots.lines({"a": ([0, 1], [2, 3])}, "x", "y")
-    shown = simulation_plots.chart(figure)
-    assert shown.format == "png" and shown.data == simulation_plots.png(figure)
+    shown = style.chart(figure)
+    assert shown.format == "png" and shown.data == style.png(figure)
 
 
 def test_a_photo_is_a_jpeg_of_the_figure():
-    shown = simulation_plots.photo(simulation_plots.grid({"a": [image(90)]}))
+    shown = style.photo(simulation_plots.grid({"a": [image(90)]}))
     assert Image.open(io.BytesIO(shown.data)).format == "JPEG"
 
 
 def test_components_are_stacked():
     parts = {"colour": np.array([1.0, 2.0]), "rest": np.array([60.0, 37.0])}
-    bars, plot = drawn(simulation_plots.components(parts, {"left": ([1, 2], [30, 99])}, "%")).axes
+    bars, plot = drawn(vision_plots.components(parts, {"left": ([1, 2], [30, 99])}, "%")).axes
     tops = [patch.get_y() + patch.get_height() for patch in bars.patches]
     assert tops == [1, 2, 61, 39]
     assert plot.lines[0].get_ydata().tolist() == [30, 99]

@@ -11,6 +11,7 @@ from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 from ptae_lite.plots import supervision as supervision_plots
 from ptae_lite.studies import supervision
+from ptae_lite.widgets import supervision as supervision_panel
 
 SHARES = (2, 10, 66.6, 100)
 KEY = supervision.KEY
@@ -111,7 +112,7 @@ def test_a_training_stands_where_its_labels_were_shown(table):
 
 @pytest.mark.parametrize("share", SHARES)
 def test_every_share_is_marked_with_its_sentences(table, said, share):
-    figure = supervision_plots.card(table, said, "samples", "ptae", share)
+    figure = supervision_panel.card(table, said, "samples", "ptae", share)
     rows = supervision_plots.rows_of(table, "ptae", "samples")
     rows = rows[rows["share"] == share]
     for axis, column in zip(figure.axes, supervision_plots.LABELS, strict=False):
@@ -132,13 +133,13 @@ def test_every_share_is_marked_with_its_sentences(table, said, share):
      ("push red slowly slowly", [1, 1, 1, 0]), (np.nan, [0])],
 )  # fmt: skip
 def test_each_word_is_judged_at_its_place(said, right):
-    assert [ok for _, ok in supervision_plots.marked("push red slowly", said)] == [
+    assert [ok for _, ok in supervision_panel.marked("push red slowly", said)] == [
         bool(r) for r in right
     ]
 
 
 def test_what_the_table_lacks_is_said_in_its_place(table, said):
-    panel = supervision_plots.panel(table, said, model="ptae", share=10)
+    panel = supervision_panel.panel(table, said, model="ptae", share=10)
     for model, there in (("ptae", "2, 10, 66.6, 100 %"), ("pvae", "none with this model")):
         where = {"mode": "samples", "model": model, "share": 50}
         lacking = f"The table has no {model.upper()} with 50 % of the samples; it has {there}."
@@ -149,7 +150,7 @@ def test_what_the_table_lacks_is_said_in_its_place(table, said):
 
 def test_the_stored_panel_shows_and_says_its_table_at_every_position(stored):
     table, said = stored
-    panel = supervision_plots.panel(table, said, share=10)
+    panel = supervision_panel.panel(table, said, share=10)
     view = panel.widget()
     controls = controls_of(view)
     frames, _ = frames_in(panel.html())
@@ -185,8 +186,8 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
         asked.append((job, recipe.epochs, [*progress(range(1, 3))]))
         return trained
 
-    monkeypatch.setattr(supervision_plots, "fit", fit)
-    box = supervision_plots.workshop(few, table, said, epochs=2, model="ptae", share=10).widget()
+    monkeypatch.setattr(supervision_panel, "fit", fit)
+    box = supervision_panel.train_panel(few, table, said, epochs=2, model="ptae", share=10).widget()
     mode, _, slider, *_ = box.children
     button, line, result = box.children[-3:]
     assert "2 epochs" in button.description and result.value == ""
@@ -197,7 +198,7 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
     assert (epochs, told) == (2, [1, 2]) and not button.disabled
     assert "trained: 3 steps" in line.value and "<img" in result.value
     now = (pd.DataFrame([supervision.scores(trained, few)]), supervision.examples(trained, few))
-    figure = supervision_plots.card(table, said, "iterations", "ptae", 2, live=now)
+    figure = supervision_panel.card(table, said, "iterations", "ptae", 2, live=now)
     for axis, column in zip(figure.axes, supervision_plots.LABELS, strict=False):
         assert points(axis, "trained just now") == {2: now[0][column].iloc[0]}
 
@@ -205,13 +206,13 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
 def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
     table, said, few, monkeypatch, caplog
 ):
-    box = supervision_plots.workshop(
+    box = supervision_panel.train_panel(
         few, table, said, model="pvae", mode="iterations", share=2
     ).widget()
     button, _, result = box.children[-3:]
     button.click()
     assert result.value.startswith("PVAE has no signals")
-    monkeypatch.setattr(supervision_plots, "fit", lambda *a, **o: 1 / 0)
+    monkeypatch.setattr(supervision_panel, "fit", lambda *a, **o: 1 / 0)
     button.click()
     assert 'role="alert"' in result.value and "ZeroDivisionError" in result.value
     assert "division by zero" in caplog.text and not button.disabled
@@ -219,7 +220,7 @@ def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
 
 def test_on_a_page_there_is_no_button(table, said, few, monkeypatch):
     monkeypatch.setenv("PTAE_STATIC", "1")
-    bundle = supervision_plots.workshop(few, table, said, share=10)._repr_mimebundle_()
+    bundle = supervision_panel.train_panel(few, table, said, share=10)._repr_mimebundle_()
     assert "button" not in bundle["text/html"] and "data-ptae-embed" in bundle["text/html"]
 
 

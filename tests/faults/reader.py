@@ -21,9 +21,8 @@ import ptae_lite.__main__ as cli  # noqa: E402
 from ptae_lite import artefacts, dataset, evaluation, frames, vision  # noqa: E402, F401
 from ptae_lite.models import checkpoint  # noqa: E402
 from ptae_lite.paper import reported  # noqa: E402, F401
-from ptae_lite.plots import simulation as simulation_plots  # noqa: E402, F401
+from ptae_lite.plots import closed_loop as closed_loop_plots  # noqa: E402
 from ptae_lite.studies import episodes, family, stories  # noqa: E402, F401
-from ptae_lite.widgets import episodes as shown  # noqa: E402
 from ptae_lite.widgets import showcase  # noqa: E402, F401
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
@@ -62,7 +61,7 @@ def read_everything() -> None:
     evaluation.evaluate(trained, samples, "held_out")
     stories.load()
     episodes.load()
-    shown.strips()
+    closed_loop_plots.strips()
     showcase.panel(samples)
 
 

@@ -1,4 +1,4 @@
-"""Figures of the closed loop: who succeeds, and what the joint error says about it."""
+"""Figures of the closed loop: who succeeds, what the joint error says of it, film strips."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from ptae_lite import artefacts
 from ptae_lite.plots import style
+from ptae_lite.studies.episodes import STRIPS
 
 
 def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, float]) -> Figure:
@@ -64,4 +66,22 @@ def ways(table: pd.DataFrame) -> Figure:
     first = np.atleast_1d(axes)[0]
     first.set_ylabel("other cube, mm")
     figure.legend(*first.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return style.closed(figure)
+
+
+def strips(path=None) -> Figure:
+    """Film strips of episodes, a row each, with what was told and what came of it."""
+    with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
+        films, texts = file["films"], file["texts"].tolist()
+    # by hand: the automatic layout would make the first column as wide as the lines over it
+    figure, axes = plt.subplots(
+        *films.shape[:2], figsize=(7.5, 1.35 * len(films)), layout="none",
+        gridspec_kw={"left": 0, "right": 1, "bottom": 0, "top": 0.97, "wspace": 0.04,
+                     "hspace": 0.3},
+    )  # fmt: skip
+    for row, film, text in zip(axes, films, texts, strict=True):
+        for axis, image in zip(row, film, strict=True):
+            axis.imshow(image)
+            axis.set_axis_off()
+        row[0].set_title(text, loc="left", fontsize=8)
     return style.closed(figure)

@@ -6,18 +6,15 @@ it is a cell's last line.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from itertools import pairwise, product
 from math import pi
 
 import matplotlib.pyplot as plt
 import numpy as np
-from IPython.display import Image as DisplayedImage
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from PIL import Image
 
 from ptae_lite.errors import PTAEError
 from ptae_lite.plots import style
@@ -27,33 +24,6 @@ from ptae_lite.robot.scene import COLOUR_RGBA, CUBE_EDGE_M, FRAMES_PER_S, TABLE_
 GAP_PX, GROUP_GAP_PX = 5, 20  # white between images, and between groups of them
 VIEW = {"elev": 26, "azim": 42}  # from in front of the robot, to its left, above the table
 LIGHT = (0.36, 0.48, 0.80)
-
-
-def png(figure: Figure) -> bytes:
-    """The figure as a small PNG file of 128 colours, the same bytes each time."""
-    small = io.BytesIO()
-    _image(figure).quantize(128, dither=0).save(small, "PNG", optimize=True)
-    return small.getvalue()
-
-
-def chart(figure: Figure) -> DisplayedImage:
-    """The figure as the small PNG of `png`, a third of what a notebook would make of it."""
-    return DisplayedImage(png(figure), format="png")
-
-
-def photo(figure: Figure) -> DisplayedImage:
-    """The figure as a JPEG, a fifth of the PNG's size where the images in it are noisy."""
-    small = io.BytesIO()
-    _image(figure).save(small, "JPEG", quality=80, subsampling=0)
-    return DisplayedImage(small.getvalue(), format="jpeg")
-
-
-def _image(figure: Figure) -> Image.Image:
-    drawn = io.BytesIO()
-    # a figure without a layout would leave a tight save with the layout that is the default
-    with plt.rc_context({"figure.constrained_layout.use": False}):
-        figure.savefig(drawn, format="png", dpi=110, bbox_inches="tight")
-    return Image.open(drawn).convert("RGB")
 
 
 def grid(
@@ -87,23 +57,6 @@ def grid(
     axes.tick_params(length=0, labeltop=True, labelbottom=False)
     axes.spines[:].set_visible(False)
     axes.grid(False)
-    return style.closed(figure)
-
-
-def marked(
-    images: Sequence[np.ndarray], points: Mapping[str, np.ndarray], titles: Sequence[str]
-) -> Figure:
-    """Images side by side, marked at (column, row): one mark an image for each of three names."""
-    figure, row = plt.subplots(1, len(images), figsize=(7, 1.8), sharey=True)
-    for i, (axes, image, title) in enumerate(zip(row, images, titles, strict=True)):
-        axes.imshow(image)
-        for (name, places), mark in zip(points.items(), "x+1", strict=False):
-            axes.plot(*places[i], mark, color="black", ms=9, mew=3)
-            axes.plot(*places[i], mark, color="white", ms=8, mew=1.3, label=name)
-        axes.set(title=title, xlim=(0, 159), ylim=(119, 0), xticks=[], yticks=[])
-        axes.spines[:].set_visible(False)
-    legend = {"loc": "outside lower center", "ncols": 3, "frameon": True, "labelcolor": "white"}
-    figure.legend(*row[0].get_legend_handles_labels(), facecolor=style.GREY, **legend)
     return style.closed(figure)
 
 
@@ -216,22 +169,4 @@ def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
     axes.invert_yaxis()
     axes.set(xlabel="cube travel in mm")
     figure.legend(loc="outside right center", markerscale=4)
-    return style.closed(figure)
-
-
-def components(
-    parts: Mapping[str, Float[np.ndarray, " K"]], curves: Mapping[str, tuple], y_label: str
-) -> Figure:
-    """Stacked bars of `parts` (% of all variance) by component; beside them `curves` (x, y)."""
-    figure, (bars, plot) = plt.subplots(1, 2, figsize=(7.2, 2.4))
-    base = 0
-    for (name, part), colour in zip(parts.items(), (style.ORANGE, style.GREY), strict=False):
-        bars.bar(np.arange(1, len(part) + 1), part, bottom=base, color=colour, label=name)
-        base = base + part
-    bars.set(xlabel="component", ylabel="% of all variance")
-    for (name, (x, y)), look in zip(curves.items(), ("-o", "--s", "-.^"), strict=False):
-        plot.plot(x, y, look, ms=3.5, label=name)
-    plot.set(xlabel="components kept, from the largest", ylabel=y_label, ylim=(0, 105))
-    for axes in (bars, plot):
-        axes.legend()
     return style.closed(figure)

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import io
+
 import matplotlib
 import matplotlib.pyplot as plt
 from IPython import get_ipython
+from IPython.display import Image as DisplayedImage
 from matplotlib.figure import Figure
 from matplotlib_inline.backend_inline import set_matplotlib_formats
+from PIL import Image
 
 from ptae_lite.run_mode import is_static
 
@@ -44,3 +48,30 @@ def closed(figure: Figure) -> Figure:
     """The figure, off pyplot's list: or a notebook would show it a second time, below the cell."""
     plt.close(figure)
     return figure
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a small PNG file of 128 colours, the same bytes each time."""
+    small = io.BytesIO()
+    _image(figure).quantize(128, dither=0).save(small, "PNG", optimize=True)
+    return small.getvalue()
+
+
+def chart(figure: Figure) -> DisplayedImage:
+    """The figure as the small PNG of `png`, a third of what a notebook would make of it."""
+    return DisplayedImage(png(figure), format="png")
+
+
+def photo(figure: Figure) -> DisplayedImage:
+    """The figure as a JPEG, a fifth of the PNG's size where the images in it are noisy."""
+    small = io.BytesIO()
+    _image(figure).save(small, "JPEG", quality=80, subsampling=0)
+    return DisplayedImage(small.getvalue(), format="jpeg")
+
+
+def _image(figure: Figure) -> Image.Image:
+    drawn = io.BytesIO()
+    # a figure without a layout would leave a tight save with the layout that is the default
+    with plt.rc_context({"figure.constrained_layout.use": False}):
+        figure.savefig(drawn, format="png", dpi=110, bbox_inches="tight")
+    return Image.open(drawn).convert("RGB")

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
+from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from ptae_lite.errors import PTAEError
@@ -49,4 +51,39 @@ def spreads(
             axes.set_xticks(ticks, [f"{tick:,g}" for tick in ticks])
             axes.set_xticks([], minor=True)
     figure.legend(*row[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return style.closed(figure)
+
+
+def marked(
+    images: Sequence[np.ndarray], points: Mapping[str, np.ndarray], titles: Sequence[str]
+) -> Figure:
+    """Images side by side, marked at (column, row): one mark an image for each of three names."""
+    figure, row = plt.subplots(1, len(images), figsize=(7, 1.8), sharey=True)
+    for i, (axes, image, title) in enumerate(zip(row, images, titles, strict=True)):
+        axes.imshow(image)
+        for (name, places), mark in zip(points.items(), "x+1", strict=False):
+            axes.plot(*places[i], mark, color="black", ms=9, mew=3)
+            axes.plot(*places[i], mark, color="white", ms=8, mew=1.3, label=name)
+        axes.set(title=title, xlim=(0, 159), ylim=(119, 0), xticks=[], yticks=[])
+        axes.spines[:].set_visible(False)
+    legend = {"loc": "outside lower center", "ncols": 3, "frameon": True, "labelcolor": "white"}
+    figure.legend(*row[0].get_legend_handles_labels(), facecolor=style.GREY, **legend)
+    return style.closed(figure)
+
+
+def components(
+    parts: Mapping[str, Float[np.ndarray, " K"]], curves: Mapping[str, tuple], y_label: str
+) -> Figure:
+    """Stacked bars of `parts` (% of all variance) by component; beside them `curves` (x, y)."""
+    figure, (bars, plot) = plt.subplots(1, 2, figsize=(7.2, 2.4))
+    base = 0
+    for (name, part), colour in zip(parts.items(), (style.ORANGE, style.GREY), strict=False):
+        bars.bar(np.arange(1, len(part) + 1), part, bottom=base, color=colour, label=name)
+        base = base + part
+    bars.set(xlabel="component", ylabel="% of all variance")
+    for (name, (x, y)), look in zip(curves.items(), ("-o", "--s", "-.^"), strict=False):
+        plot.plot(x, y, look, ms=3.5, label=name)
+    plot.set(xlabel="components kept, from the largest", ylabel=y_label, ylim=(0, 105))
+    for axes in (bars, plot):
+        axes.legend()
     return style.closed(figure)

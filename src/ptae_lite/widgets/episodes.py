@@ -1,23 +1,18 @@
-"""Episodes of the closed loop to look at: a panel of them, a box to type into, film strips."""
+"""Episodes of the closed loop to look at: a panel of them, and a box to type into."""
 
 from __future__ import annotations
 
 from html import escape
 
 import ipywidgets
-import matplotlib.pyplot as plt
-import numpy as np
-from matplotlib.figure import Figure
 from torch import nn
 
-from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError, RobotError
 from ptae_lite.language import ACTIONS, MEANINGS, SIDES, SPEEDS, Meaning, alternatives, parse
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.plots import style
 from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
 from ptae_lite.run_mode import is_static
-from ptae_lite.studies.episodes import STRIPS, Kept, perform, side_of, stages
+from ptae_lite.studies.episodes import Kept, perform, side_of, stages
 from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.scene3d import arm_scene
 from ptae_lite.widgets.viewer import Viewer
@@ -134,21 +129,3 @@ class Box:
             note = "In a notebook, a box stands here for typing any sentence; a kernel acts it out."
             return {"text/html": f"<p><em>{note}</em></p>", "text/plain": note}
         return self.widget()._repr_mimebundle_() | {"text/plain": "a box to type a sentence"}
-
-
-def strips(path=None) -> Figure:
-    """Film strips of episodes, a row each, with what was told and what came of it."""
-    with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
-        films, texts = file["films"], file["texts"].tolist()
-    # by hand: the automatic layout would make the first column as wide as the lines over it
-    figure, axes = plt.subplots(
-        *films.shape[:2], figsize=(7.5, 1.35 * len(films)), layout="none",
-        gridspec_kw={"left": 0, "right": 1, "bottom": 0, "top": 0.97, "wspace": 0.04,
-                     "hspace": 0.3},
-    )  # fmt: skip
-    for row, film, text in zip(axes, films, texts, strict=True):
-        for axis, image in zip(row, film, strict=True):
-            axis.imshow(image)
-            axis.set_axis_off()
-        row[0].set_title(text, loc="left", fontsize=8)
-    return style.closed(figure)

@@ -20,6 +20,7 @@ from ptae_lite.dataset import Samples
 from ptae_lite.errors import PTAEError
 from ptae_lite.language import SIDES, pattern, sentence
 from ptae_lite.plots import simulation as simulation_plots
+from ptae_lite.plots import style
 from ptae_lite.robot.arm import SHAPES, Shape, fingertip, link_transforms
 from ptae_lite.robot.scene import COLOUR_RGBA, CUBE_EDGE_M, FRAMES_PER_S, TABLE_SHAPES
 from ptae_lite.widgets.viewer import Viewer
@@ -122,7 +123,7 @@ def arm_scene(
         drawing = simulation_plots.arm_drawing(
             joints_rad[middle], cubes[middle], colours, path_m=fingertip(joints_rad)
         )
-        still_png = simulation_plots.png(drawing)
+        still_png = style.png(drawing)
     made = record(groups, frames_per_s=frames_per_s, title=title, still_png=still_png)
     return replace(made, caption=caption, eye=eye, autoplay=autoplay)
 

@@ -14,7 +14,7 @@ from ptae_lite.run_mode import is_static
 from ptae_lite.widgets.panels import Panel, as_html
 
 
-class Workshop:
+class TrainButton:
     """A panel, and a button.
 
     Args:
@@ -59,4 +59,4 @@ class Workshop:
         return bundle
 
     def __repr__(self) -> str:
-        return f"Workshop({self.panel!r}, {self.button!r})"
+        return f"TrainButton({self.panel!r}, {self.button!r})"
