@@ -19,7 +19,6 @@ import argparse
 import hashlib
 import importlib.util
 import os
-import platform
 import re
 import shutil
 import subprocess
@@ -32,6 +31,11 @@ STAMP = Path(".venv", "installed.sha256")  # which environment.txt the .venv/ wa
 MINIMUM = (3, 11)
 NEEDED_GB = 6  # PyTorch with its CUDA libraries, and as much again while pip unpacks it
 TIERS = ("replay", "quick", "full")
+FIND_PYBULLET = "import importlib.util as u, sys; sys.exit(u.find_spec('pybullet') is None)"
+NO_PYBULLET = (
+    "Note: nothing can be recorded or acted out here, because PyBullet has wheels for Python 3.11 "
+    "to 3.13 on Linux (x86-64), macOS and Windows only; everything else works."
+)
 
 
 class Stop(Exception):
@@ -64,16 +68,6 @@ def check_disk(free_bytes: int) -> None:
             f"The first installation needs {NEEDED_GB} GB of free disk space, "
             f"and there are {free_bytes / 1e9:.1f} GB."
         )
-
-
-def recording_note(version: tuple, system: str, machine: str) -> str:
-    """What a reader misses where PyBullet has no wheel; nothing where it has one."""
-    if tuple(version[:2]) < (3, 12) and (system, machine) == ("linux", "x86_64"):
-        return ""
-    return (
-        "Note: new recordings cannot be made here, because PyBullet has a wheel only for "
-        "Python 3.11 on Linux x86_64; everything else works."
-    )
 
 
 def venv_python(root: Path = ROOT, windows: bool = os.name == "nt") -> Path:
@@ -148,7 +142,6 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
     check_python(version, "the one in .venv/ (delete that folder to have it made anew)")
     if is_installed(root):
         return python
-    say(recording_note(version, sys.platform, platform.machine()))
     uv = shutil.which("uv")
     say(f"Installing environment.txt with {'uv' if uv else 'pip'} (minutes, the first time) ...")
     start = time.monotonic()
@@ -156,11 +149,13 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
     for command in install_commands(python, uv):
         if call(command, env):
             raise Stop(
-                "The packages could not be installed; the messages above say why, "
-                "and the same command tries again."
+                "The packages could not be installed; the messages above say why, the job "
+                "`doctor` whether they can be here, and the same command tries again."
             )
     (root / STAMP).write_text(fingerprint(root), encoding="utf-8")
     say(f"Installed in {time.monotonic() - start:.0f} s.")
+    if call([python, "-c", FIND_PYBULLET], env):
+        say(NO_PYBULLET)
     return python
 
 

@@ -3,6 +3,7 @@
 import sys
 import xml.etree.ElementTree as xml
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -134,6 +135,26 @@ def test_without_pybullet_one_sentence_says_how_to_go_on(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(RobotError, match="PyBullet is not installed.*the stored recording"):
         scene.Scene(("red", "blue"))
+
+
+def test_a_camera_that_gives_tuples_shows_the_same():
+    """As of a PyBullet that was built without numpy."""
+    shape = (scene.IMAGE_HEIGHT, scene.IMAGE_WIDTH, 4)
+    pixels = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
+    world = object.__new__(scene.Scene)
+    world._view = world._projection = world._client = None
+    world._at, seen = {}, []
+    for given in (pixels, tuple(pixels.ravel().tolist())):
+        answer = (scene.IMAGE_WIDTH, scene.IMAGE_HEIGHT, given, (), ())
+        world._p = SimpleNamespace(
+            ER_TINY_RENDERER=0, ER_NO_SEGMENTATION_MASK=0,
+            getCameraImage=lambda *_, answer=answer, **__: answer,
+        )  # fmt: skip
+        seen.append(world.image())
+    array, tuples = seen
+    assert tuples.dtype == array.dtype == np.uint8 and tuples.flags == array.flags
+    np.testing.assert_array_equal(tuples, pixels[:, :, :3])
+    np.testing.assert_array_equal(tuples, array)
 
 
 def test_plans_go_from_home_to_home_within_the_limits(plans):

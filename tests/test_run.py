@@ -1,6 +1,7 @@
 """The entry script: its conditions, what makes it install again, and what it prints."""
 
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -74,17 +75,6 @@ def test_disk():
     assert is_one_sentence(str(stop.value))
 
 
-def test_where_recording_is_unavailable():
-    assert run.recording_note((3, 11), "linux", "x86_64") == ""
-    for place in [
-        ((3, 12), "linux", "x86_64"),
-        ((3, 11), "darwin", "arm64"),
-        ((3, 11), "win32", "AMD64"),
-        ((3, 11), "linux", "aarch64"),
-    ]:
-        assert "PyBullet" in run.recording_note(*place)
-
-
 def test_a_condition_that_fails_ends_in_one_sentence(monkeypatch, capsys):
     monkeypatch.setattr(run, "check_python", lambda version: (_ for _ in ()).throw(run.Stop("No.")))
     assert run.main(["book"]) == 1
@@ -96,17 +86,17 @@ def test_a_condition_that_fails_ends_in_one_sentence(monkeypatch, capsys):
 
 def test_first_installation_makes_the_environment_once(calls, root, capsys):
     python = run.ensure_environment({}, root)
-    assert [command[1:3] for command in calls] == [["-m", "venv"], ["-m", "pip"], ["-m", "pip"]]
+    assert [command[1:3] for command in calls[:3]] == [["-m", "venv"], *[["-m", "pip"]] * 2]
     assert calls[1][-2:] == ["-r", "environment.txt"]
     assert calls[2][-3:] == ["--no-deps", "-e", "."]
     assert "Installing environment.txt" in capsys.readouterr().out
 
     assert run.ensure_environment({}, root) == python
-    assert len(calls) == 3  # nothing changed, nothing done
+    assert len(calls) == 4  # the fourth looks for PyBullet; nothing changed, nothing done
 
     (root / "environment.txt").write_text("numpy==2.0\n")
     run.ensure_environment({}, root)
-    assert len(calls) == 5  # both installations again, the environment itself stays
+    assert len(calls) == 7  # both installations again, the environment itself stays
 
 
 def test_a_failed_installation_is_tried_again(calls, root, monkeypatch):
@@ -145,12 +135,30 @@ def test_an_environment_of_an_old_python_is_refused(calls, root):
         run.ensure_environment({}, root)
 
 
-def test_an_environment_of_another_new_python_is_used(calls, root, capsys):
+def test_an_environment_of_another_new_python_is_used(calls, root):
     (root / ".venv" / "pyvenv.cfg").write_text("version = 3.13.0\n")
     run.venv_python(root).parent.mkdir(parents=True)
     run.venv_python(root).touch()
+    assert run.ensure_environment({}, root) == run.venv_python(root)
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_what_is_missed_without_pybullet_is_said(there, calls, root, monkeypatch, tmp_path, capsys):
+    """By whether the environment has the module, and not by its version of Python."""
+    if there:
+        (tmp_path / "pybullet.py").write_text("1 / 0")  # it is looked for, and not imported
+
+    def call(command, env):
+        if run.FIND_PYBULLET not in command:
+            return 0
+        bare = [sys.executable, "-I", "-S", "-c", "import sys; sys.path.append(sys.argv[1]); "]
+        return subprocess.run([*bare[:-1], bare[-1] + command[-1], tmp_path]).returncode
+
+    monkeypatch.setattr(run, "call", call)
+    run.venv_python(root).parent.mkdir(parents=True)
+    run.venv_python(root).touch()
     run.ensure_environment({}, root)
-    assert "PyBullet" in capsys.readouterr().out
+    assert ("nothing can be recorded" in capsys.readouterr().out) is not there
 
 
 @pytest.mark.parametrize("name", ["environment.txt", "pyproject.toml"])

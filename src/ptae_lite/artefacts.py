@@ -29,7 +29,7 @@ from ptae_lite.files import cannot_write, whole
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("PTAE_DATA") or ROOT / "data").absolute()
 MANIFEST = "MANIFEST.json"
-RECORDED_WITH = ("torch", "numpy", "pybullet")
+RECORDED_WITH = ("torch", "numpy", "pybullet", "pybullet-arm64")
 
 
 def manifest(data: Path | None = None) -> dict:

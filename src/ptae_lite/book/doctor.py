@@ -6,8 +6,10 @@ Standard library only, and nothing else of this package: it has to run where the
 from __future__ import annotations
 
 import argparse
+import ast
 import hashlib
 import json
+import operator
 import os
 import platform
 import re
@@ -27,7 +29,11 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 MANAGER = "labextensions/@jupyter-widgets/jupyterlab-manager/package.json"
 FRONT_END_OF = {"7": "3", "8": "5"}  # major versions: of ipywidgets, and of its part in JupyterLab
 PIN = re.compile(r"^([\w.-]+)==([^\s;]+)\s*(?:;\s*(.*))?$")
-CLAUSE = re.compile(r'(\w+)\s*(==|!=|<)\s*"([^"]*)"')
+COMPARE = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
+           ast.Eq: operator.eq, ast.NotEq: operator.ne}  # fmt: skip
+SIMULATORS = ("pybullet", "pybullet-arm64")  # two packages with one module: pybullet, and its fork
+# Where PyTorch has no wheel of the version that environment.txt asks for.
+NO_TORCH = {("darwin", "x86_64"): "macOS on Intel processors", ("win32", "ARM64"): "Windows on ARM"}
 
 
 class Finding(NamedTuple):
@@ -59,19 +65,25 @@ def check_python(version=sys.version_info) -> Finding:
 
 
 def holds(marker: str | None) -> bool:
-    """Whether the marker of a pin is true here, in the words that environment.txt uses."""
+    """Whether the marker of a pin is true here. A marker is also an expression of Python's."""
     here = {
         "python_version": tuple(sys.version_info[:2]),
+        "python_full_version": tuple(sys.version_info[:3]),
         "sys_platform": sys.platform,
         "platform_machine": platform.machine(),
+        "os_name": os.name,
+        "implementation_name": sys.implementation.name,
     }
-    for name, sign, text in CLAUSE.findall(marker or ""):
-        value = tuple(map(int, text.split("."))) if name == "python_version" else text
-        if not {"<": here[name] < value, "==": here[name] == value, "!=": here[name] != value}[
-            sign
-        ]:
-            return False
-    return True
+
+    def true(node: ast.expr) -> bool:
+        if isinstance(node, ast.BoolOp):
+            every = all if isinstance(node.op, ast.And) else any
+            return every(map(true, node.values))
+        name, text = node.left.id, node.comparators[0].value
+        value = tuple(map(int, text.split("."))) if name.startswith("python") else text
+        return COMPARE[type(node.ops[0])](here[name], value)
+
+    return not marker or true(ast.parse(marker, mode="eval").body)
 
 
 def pins(environment: Path) -> dict[str, str]:
@@ -89,10 +101,16 @@ def installed(package: str) -> str | None:
 
 
 def check_packages(root: Path = ROOT, have=installed) -> Finding:
+    torchless = NO_TORCH.get((sys.platform, platform.machine()))
+    if torchless and have("torch") is None:
+        says = f"PyTorch has no wheel for {torchless}, so the book cannot be installed here"
+        mend = "read book/setup.md for other places (Apple silicon: take a Python for arm64)"
+        return Finding("packages", PROBLEM, says, mend)
     if not (root / ".venv").exists() and have("torch") is None:
         return Finding("packages", PROBLEM, "there is no .venv/ yet", f"{starter()} book")
     wanted, wrong = pins(root / "environment.txt"), []
-    wanted.pop("pybullet", None)  # has a line of its own
+    for name in SIMULATORS:
+        wanted.pop(name, None)  # has a line of its own
     for package, version in wanted.items():
         found = have(package)
         if found is None or found.split("+")[0] != version:  # 2.13.0+cpu is a build of 2.13.0
@@ -148,27 +166,25 @@ def _version_in(path: Path) -> str:
         return "unreadable"
 
 
-def check_pybullet(environment: Path = ROOT / "environment.txt", ask=None) -> Finding:
+def check_pybullet(environment: Path = ROOT / "environment.txt", works=None) -> Finding:
     """Only `record` and the closed loop need it."""
-    without = "all chapters run from what is stored; new recordings cannot be made here"
-    wanted = pins(environment).get("pybullet")
-    if wanted is None:
+    if (works or _pybullet_works)():
+        name = next(filter(installed, SIMULATORS), "pybullet")
+        says = f"{name} {installed(name) or ''}: recordings can be made, sentences acted out"
+        return Finding("PyBullet", GOOD, says)
+    without = "all chapters run from what is stored; nothing can be recorded or acted out here"
+    wanted = [f"{n}=={version}" for n, version in pins(environment).items() if n in SIMULATORS]
+    if not wanted:
         return Finding("PyBullet", WARNING, f"has no wheel for this Python and system: {without}")
-    install = f"{python()} -m pip install --force-reinstall --no-deps pybullet=={wanted}"
-    says = (ask or _ask_pybullet)()
-    if says == "1":
-        return Finding(
-            "PyBullet", GOOD, f"{installed('pybullet') or wanted}, recordings can be made"
-        )
-    if says == "0":
-        return Finding("PyBullet", WARNING, f"was built without numpy: {without}", install)
+    install = f"{python()} -m pip install --force-reinstall --no-deps {wanted[0]}"
     return Finding("PyBullet", WARNING, f"is not installed: {without}", install)
 
 
-def _ask_pybullet() -> str:
-    code = "import pybullet; print(pybullet.isNumpyEnabled())"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    return (run.stdout.split() or [""])[-1] if run.returncode == 0 else ""
+def _pybullet_works() -> bool:
+    return (
+        subprocess.run([sys.executable, "-c", "import pybullet"], capture_output=True).returncode
+        == 0
+    )
 
 
 def check_disk(free_bytes: int | None = None, root: Path = ROOT) -> Finding:

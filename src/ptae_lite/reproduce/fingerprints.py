@@ -16,7 +16,16 @@ ASIDE = (
     "book",
     "reproduce",
 )  # they show and compare; no result depends on them
-PACKAGES = ("torch", "numpy", "pandas", "pybullet", "ipywidgets", "jupyterlab", "sphinx")
+PACKAGES = (
+    "torch",
+    "numpy",
+    "pandas",
+    "pybullet",
+    "pybullet-arm64",
+    "ipywidgets",
+    "jupyterlab",
+    "sphinx",
+)
 
 
 def of_files(paths, below: Path) -> str:

@@ -52,14 +52,10 @@ def pybullet():
         import pybullet as module
     except ImportError:
         raise RobotError(
-            "PyBullet is not installed, so nothing can be recorded or driven here; it has wheels "
-            "for Python 3.11 on Linux (x86_64) only. Everything else runs on the stored recording."
+            "PyBullet is not installed, so nothing can be recorded or driven here; environment.txt "
+            "brings it for Python 3.11 to 3.13 on Linux (x86-64), macOS and Windows. Everything "
+            "else runs on the stored recording."
         ) from None
-    if not module.isNumpyEnabled():
-        raise RobotError(
-            "this PyBullet was built without numpy, so its camera gives no arrays; "
-            "install the wheel: python -m pip install --force-reinstall pybullet==3.2.7"
-        )
     return module
 
 
@@ -159,6 +155,8 @@ class Scene:
             IMAGE_WIDTH, IMAGE_HEIGHT, self._view, self._projection, shadow=0,
             renderer=p.ER_TINY_RENDERER, flags=p.ER_NO_SEGMENTATION_MASK, **LIGHT, **self._at,
         )  # fmt: skip
+        if not isinstance(pixels, np.ndarray):  # this PyBullet was built without numpy
+            pixels = np.frombuffer(bytes(pixels), np.uint8).reshape(IMAGE_HEIGHT, IMAGE_WIDTH, 4)
         return np.ascontiguousarray(pixels[:, :, :3])
 
     def joints_rad(self) -> Float[np.ndarray, " 5"]:
