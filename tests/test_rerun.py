@@ -13,9 +13,9 @@ import pytest
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone
-from ptae_lite.reproduce import checks, pipeline, report, run_parallel
+from ptae_lite.reproduce import checks, pipeline, report, rerun, run_parallel
 from ptae_lite.reproduce.checks import arrays, judge, near, pictures, table
-from ptae_lite.reproduce.pipeline import Rerun, Settings
+from ptae_lite.reproduce.rerun import Rerun, Settings
 from ptae_lite.reproduce.stages import STAGES, Stage
 from ptae_lite.reproduce.view import View, duration, share_in
 from ptae_lite.studies import tables
@@ -261,7 +261,7 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(settings):
 
 def test_a_run_of_another_version_of_the_library_is_not_gone_on_with(tiny, settings, monkeypatch):
     Rerun(settings, (stage("one"),)).go(io.StringIO())
-    monkeypatch.setattr(pipeline, "library", lambda: "another")
+    monkeypatch.setattr(rerun, "library", lambda: "another")
     with pytest.raises(PTAEError, match="begun with another version of the library"):
         Rerun(settings, (stage("one"),))
 

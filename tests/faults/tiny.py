@@ -90,7 +90,7 @@ def rerun(folder, stored) -> int:
     from ptae_lite.console import guarded
     from ptae_lite.reproduce import report
     from ptae_lite.reproduce.checks import table
-    from ptae_lite.reproduce.pipeline import Rerun, Settings
+    from ptae_lite.reproduce.rerun import Rerun, Settings
     from ptae_lite.reproduce.stages import Stage
 
     check = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})

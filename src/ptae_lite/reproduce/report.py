@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from ptae_lite import artefacts
 from ptae_lite.files import whole
 from ptae_lite.reproduce import checks, fingerprints
+from ptae_lite.reproduce.rerun import Rerun
 from ptae_lite.reproduce.stages import Stage
 from ptae_lite.reproduce.view import duration
-
-if TYPE_CHECKING:
-    from ptae_lite.reproduce.pipeline import Rerun
 
 AGREES, IN_PART, DIFFERS = "agrees", "in part", "DIFFERS"
 TAKEN, NEW, MISSING = "not re-made", "new", "NOT MADE"
