@@ -166,19 +166,38 @@ def copy_notebooks(app) -> None:
         shutil.copyfile(twin, Path(app.outdir, "_sources", twin.name))
 
 
+def halve(app, env, docnames) -> None:
+    """Sphinx reads the first half of the pages in one process, the rest in another: by turns, so
+    that each has as many chapters to run."""
+    docnames[:] = [*docnames[::2], *docnames[1::2]]
+
+
+def how_it_ran(app, name: str) -> dict | None:
+    """A chapter's seconds and its traceback; nothing for a page without code."""
+    run = app.env.nb_metadata.get(name, {}).get("exec_data")
+    if run:
+        traceback = COLOUR_CODE.sub("", run["traceback"] or "")
+        return {"seconds": run["runtime"], "traceback": traceback}
+
+
+def tell(app, doctree) -> None:
+    """Add a line to the list of the chapters that have ended, which `run.py book` shows."""
+    name = app.env.docname
+    if ran := how_it_ran(app, name):
+        path = Path(app.outdir).parent / "chapters_ended.jsonl"
+        with path.open("a", encoding="utf-8") as file:  # one short write: no lines are mixed
+            file.write(json.dumps([name, ran]) + "\n")
+
+
 def finish(app, exception) -> None:
     """Record each chapter's run time and errors, and look for pages that need the network."""
     if exception is not None or app.builder.format != "html":
         return
     copy_notebooks(app)
-    record = {}
-    for name, metadata in app.env.nb_metadata.items():
-        run = metadata.get("exec_data")
-        if run:
-            traceback = COLOUR_CODE.sub("", run["traceback"] or "")
-            record[name] = {"seconds": run["runtime"], "traceback": traceback}
-            if not run["succeeded"]:
-                app.statuscode = 1  # fail, also where warnings are allowed
+    found = {name: how_it_ran(app, name) for name in app.env.nb_metadata}
+    record = {name: ran for name, ran in found.items() if ran}
+    if any(ran["traceback"] for ran in record.values()):
+        app.statuscode = 1  # fail, also where warnings are allowed
     path = Path(app.outdir).parent / "chapter_times.json"
     path.write_text(json.dumps(record, indent=1, sort_keys=True), encoding="utf-8")
     for page in sorted(Path(app.outdir).rglob("*.html")):
@@ -189,6 +208,8 @@ def finish(app, exception) -> None:
 def setup(app) -> None:
     app.connect("builder-inited", copy_scripts)
     app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon reads them
+    app.connect("env-before-read-docs", halve)
+    app.connect("doctree-read", tell)
     app.connect("doctree-read", mark_facts)
     app.connect("doctree-read", link_chapters)
     app.connect("html-page-context", offer_notebook, priority=400)  # before the theme's buttons

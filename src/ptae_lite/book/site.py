@@ -1,7 +1,7 @@
 """Run every chapter and build the site: `python -m ptae_lite.book.site`.
 
 The new site is built beside the old one and takes its place when Sphinx has come to its end; a
-build that is stopped leaves the old one as it was.
+build that is stopped leaves the old one as it was. What Sphinx and the kernels say goes to a log.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import json
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 from ptae_lite.artefacts import ROOT
@@ -18,11 +20,16 @@ from ptae_lite.console import guarded
 from ptae_lite.files import alone
 
 TIMES = "chapter_times.json"
+ENDED = "chapters_ended.jsonl"  # the book's conf.py adds a line as each chapter ends
+LOG = Path("logs", "sphinx.log")
 TAIL = 15  # lines shown of a chapter's traceback
+POLL_S = 0.2
 
 
-def build(out, book=ROOT / "book") -> dict | None:
+def build(out, book=ROOT / "book", show: Callable = lambda name, chapter: None) -> dict | None:
     """Build into `out`/html; the chapters' seconds and tracebacks, or None without an end.
+
+    `show` is called with the name and the seconds and traceback of each chapter as it ends.
 
     Raises:
         FileError: another run builds into the same folder.
@@ -32,21 +39,11 @@ def build(out, book=ROOT / "book") -> dict | None:
         work, done = out / "html.part", out / "html"
         (out / TIMES).unlink(missing_ok=True)  # nothing of an earlier run may be taken for this one
         shutil.rmtree(work, ignore_errors=True)
+        work.mkdir()
         # A fresh environment makes Sphinx read, and so execute, every chapter; two at a time.
-        command = [
-            sys.executable,
-            "-m",
-            "sphinx",
-            "-b",
-            "html",
-            "-W",
-            "--keep-going",
-            "-E",
-            "-j",
-            "2",
-        ]
-        folders = ["-d", work / "doctrees", book, work / "html"]
-        status = subprocess.call([str(part) for part in (*command, *folders)])
+        options = ["-b", "html", "-W", "--keep-going", "-E", "-j", "2", "-d", work / "doctrees"]
+        command = [sys.executable, "-m", "sphinx", *map(str, (*options, book, work / "html"))]
+        status = run(command, out / LOG, work / ENDED, show)
         if not (work / TIMES).exists():
             return None
         times = json.loads((work / TIMES).read_text(encoding="utf-8"))
@@ -58,17 +55,49 @@ def build(out, book=ROOT / "book") -> dict | None:
     return {"chapters": times, "status": status}
 
 
-def chapter_lines(times: dict) -> list[str]:
-    """One line per chapter: its seconds, and for a failed one the end of its traceback."""
-    lines = []
-    width = max(map(len, times), default=0)
-    for name in sorted(times):
-        chapter = times[name]
-        state = "FAILED after" if chapter["traceback"] else "ran in"
-        lines.append(f"{name:<{width}}  {state} {chapter['seconds'] or 0:.1f} s")
-        tail = (chapter["traceback"] or "").strip().splitlines()[-TAIL:]
-        lines.extend("    " + line for line in tail)
-    return lines
+def run(command: list[str], log: Path, ended: Path, show: Callable) -> int:
+    """Run Sphinx with its output in `log`; show the chapters that stand in `ended` meanwhile."""
+    log.parent.mkdir(parents=True, exist_ok=True)
+    start, shown = time.monotonic(), 0
+    with (
+        log.open("wb") as file,
+        subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT) as process,
+    ):
+        try:
+            while True:
+                status = process.poll()  # before the last look, which then misses none
+                for name, chapter in chapters(ended)[shown:]:
+                    clock("")
+                    show(name, chapter)
+                    shown += 1
+                if status is not None:
+                    clock("")
+                    return status
+                clock(f"{shown} have run, {time.monotonic() - start:.0f} s ...")
+                time.sleep(POLL_S)
+        except BaseException:
+            process.kill()
+            raise
+
+
+def chapters(ended: Path) -> list[list]:
+    """Name, and seconds and traceback, of each chapter that has ended; half a line is none yet."""
+    text = ended.read_text(encoding="utf-8") if ended.exists() else ""
+    return [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
+
+
+def clock(text: str) -> None:
+    """The one line of a terminal that changes; nothing where the output is kept."""
+    if sys.stdout.isatty():
+        print(f"\r{text:<60}\r", end="", flush=True)
+
+
+def chapter_lines(name: str, chapter: dict) -> list[str]:
+    """What a chapter took, and for one that failed the end of its traceback."""
+    state = "FAILED after" if chapter["traceback"] else "ran in"
+    tail = (chapter["traceback"] or "").strip().splitlines()[-TAIL:]
+    seconds = chapter["seconds"] or 0
+    return [f"{name:<26} {state} {seconds:.1f} s", *("    " + line for line in tail)]
 
 
 def main(arguments=None) -> int:
@@ -76,16 +105,19 @@ def main(arguments=None) -> int:
     parser.add_argument("--out", default="build", help="folder that gets html/")
     parser.add_argument("--book", default=str(ROOT / "book"), help="folder of the chapters")
     options = parser.parse_args(arguments)
+    log = Path(options.out, LOG)
+
+    def show(name: str, chapter: dict) -> None:
+        print("\n".join(chapter_lines(name, chapter)), flush=True)
 
     def work() -> int:
-        built = build(options.out, options.book)
+        built = build(options.out, options.book, show)
         if built is None:
-            print("The book was not built; the messages above say why.")
+            print(f"The book was not built; {log} says why.")
             return 1
-        print("\n".join(["", *chapter_lines(built["chapters"])]))
         print(f"Open {Path(options.out, 'html', 'index.html')}")
         if built["status"]:
-            print("The book has faults; the messages above say which.")
+            print(f"The book has faults; {log} says which.")
         return 1 if built["status"] else 0
 
     return guarded("book", work)
