@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 
 from ptae_lite import artefacts
+from ptae_lite.experiments import closed_loop as study
+from ptae_lite.experiments import episodes
 from ptae_lite.language import MEANINGS, parse
 from ptae_lite.robot import closed_loop
-from ptae_lite.studies import closed_loop as study
-from ptae_lite.studies import episodes
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import torch
 
 from ptae_lite import artefacts, dataset, vision
 from ptae_lite.errors import ConfigError
+from ptae_lite.experiments import closed_loop as study
+from ptae_lite.experiments import episodes, family
 from ptae_lite.models import PTAEConfig, checkpoint
-from ptae_lite.studies import closed_loop as study
-from ptae_lite.studies import episodes, family
 from ptae_lite.training import Recipe, train
 
 TINY = {"hidden": 16, "heads": 2, "feed_forward": 32, "decoder_units": 12, "dropout": 0.0}

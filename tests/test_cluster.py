@@ -9,8 +9,8 @@ import pytest
 import ptae_lite.__main__ as cli
 from ptae_lite import dataset
 from ptae_lite.errors import ConfigError
-from ptae_lite.studies import supervision, tables
-from ptae_lite.studies.supervision import Job
+from ptae_lite.experiments import supervision, tables
+from ptae_lite.experiments.supervision import Job
 from ptae_lite.training import Recipe
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")

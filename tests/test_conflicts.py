@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES, conditions
 from ptae_lite.paper import reported
 from ptae_lite.plots import incongruence as incongruence_plots
-from ptae_lite.studies.followed import FOLLOWED
-from ptae_lite.studies.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES, conditions
 
 SPREAD = (-1.0, 0.0, 2.0)  # of the three seeds about their value
 

@@ -8,7 +8,7 @@ import torch
 
 from ptae_lite import devices, training, vision
 from ptae_lite.errors import ConfigError
-from ptae_lite.studies import eyes
+from ptae_lite.experiments import encoders
 from ptae_lite.training import Recipe
 
 gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
@@ -74,9 +74,9 @@ def test_on_a_gpu_too_a_branch_leaves_the_long_training_as_it_was(images, tmp_pa
     before = copy.deepcopy(long.eye.state_dict())
     branch = copy.deepcopy(long)
     branch.go(images, 40, 40)
-    eyes.keep(long, tmp_path / "trunk.safetensors", 1.0)
+    encoders.keep(long, tmp_path / "trunk.safetensors", 1.0)
     again = vision.EyeTraining(vision.make_eye("plain"), SMALL, "cuda")
-    eyes.restore(again, tmp_path / "trunk.safetensors")
+    encoders.restore(again, tmp_path / "trunk.safetensors")
     again.go(images, 40, 40)
     alone = vision.make_eye("plain")
     vision.train_eye(alone, images, SMALL, device="cuda")

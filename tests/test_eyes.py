@@ -11,9 +11,9 @@ import torch
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, dataset, frames, readout, vision
 from ptae_lite.errors import ConfigError, RecordingError
+from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use
 from ptae_lite.language import COLOURS, pattern
 from ptae_lite.robot import recorder
-from ptae_lite.studies import eye_scores, eyes, eyes_ptae
 
 STEPS = {"separated 3x10": (0, 10, 20), "plain 10": (0, 10)}  # presentations, two a step
 
@@ -30,7 +30,7 @@ def seen(samples):
 @pytest.fixture
 def pictures(seen):
     """(864, 4) images that say all: places, joints, colours and acts as grey levels of squares."""
-    at = eye_scores.moments(seen)
+    at = encoder_scores.moments(seen)
     made = np.zeros((864, 4, 120, 160, 3), np.uint8)
     made[..., 110:, :, 0] = 255  # something coloured, too
     rows = np.arange(864)[:, None]
@@ -67,16 +67,16 @@ class Reads(torch.nn.Module):
 
 
 def test_moments_are_in_order_and_within_the_clip(samples):
-    at = eye_scores.moments(samples)
-    assert at.shape == (864, len(eye_scores.MOMENTS))
+    at = encoder_scores.moments(samples)
+    assert at.shape == (864, len(encoder_scores.MOMENTS))
     assert not at[:, 0].any() and (at[:, 3] == samples.frames - 1).all()
     assert (np.diff(at, axis=1) > 0).all()
     assert len({tuple(row) for row in at}) == 12  # six variations, two lengths
 
 
-@pytest.mark.parametrize("split", eye_scores.READERS)
+@pytest.mark.parametrize("split", encoder_scores.READERS)
 def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
-    found = eye_scores.scores(Reads(), pictures, seen)[split]
+    found = encoder_scores.scores(Reads(), pictures, seen)[split]
     whole = ("first_left", "first_right", "first_both", "last_both", "first_act", "last_act",
              "first_both_products", "last_both_products")  # fmt: skip
     for name in whole:
@@ -86,7 +86,7 @@ def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
 
 
 def test_an_eye_that_says_only_places_knows_no_colours(seen, pictures):
-    found = eye_scores.scores(Reads(4), pictures, seen)["test"]
+    found = encoder_scores.scores(Reads(4), pictures, seen)["test"]
     assert found["first_place_mm"] < 1 and found["first_both"] < 20 and found["joints_r2"] < 0.05
 
 
@@ -99,7 +99,7 @@ def test_products_read_what_a_sum_cannot():
         np.arange(300),
         np.arange(300, 400),
     )
-    more = eye_scores.with_products(np.c_[7 + 3 * signs, np.full(400, 5.0)], known)
+    more = encoder_scores.with_products(np.c_[7 + 3 * signs, np.full(400, 5.0)], known)
     assert more.shape == (400, 3 + 6)
     np.testing.assert_allclose(more[known][:, :2].std(0), 1)
     np.testing.assert_allclose(more[:, 3:6], more[:, :1] * more[:, :3])
@@ -110,11 +110,11 @@ def test_products_read_what_a_sum_cannot():
 
 def test_scores_of_a_split_are_read_from_that_split_alone(seen, pictures):
     """Other pictures for the test samples change no score on held-out ones, and the other way."""
-    before = eye_scores.scores(Reads(), pictures, seen)
+    before = encoder_scores.scores(Reads(), pictures, seen)
     for changed, other in (("test", "held_out"), ("held_out", "test")):
         spoilt = pictures.copy()
         spoilt[seen.split(changed), :, :100] = 7
-        after = eye_scores.scores(Reads(), spoilt, seen)
+        after = encoder_scores.scores(Reads(), spoilt, seen)
         same = other == "held_out"  # held-out samples are fitted on for the test
         assert (before[other] == after[other]) is same
         assert after[changed]["first_both"] < 20
@@ -124,7 +124,7 @@ def test_the_error_of_a_drawing_is_over_all_pixels_and_over_coloured_ones():
     images = np.zeros((2, 4, 120, 160, 3), np.uint8)
     images[0, 0, :60] = 102  # grey, 0.4
     images[1, 3, :30, :, 0] = 204  # red, 0.8: 90 of 480 x 160 rows of pixels
-    found = eye_scores.pixel_errors(Reads(), images)
+    found = encoder_scores.pixel_errors(Reads(), images)
     squares = (0.5 * 0.4**2 + 0.25 * 0.8**2 / 3) / 8
     assert found["pixel_error"] == pytest.approx(squares**0.5, abs=5e-5)
     assert found["colour_pixel_error"] == pytest.approx((0.8**2 / 3) ** 0.5, abs=5e-5)
@@ -140,13 +140,16 @@ def test_arithmetic_is_counted_by_hand():
         for layer, count in zip(layers, counts, strict=True):
             cost = 2 * layer.weight.numel() * count
             forward, first = forward + cost, first or cost
-    separated = eyes.mflop_an_image(vision.make_eye("separated"))
+    separated = encoders.mflop_an_image(vision.make_eye("separated"))
     assert separated == pytest.approx(3 * (3 * forward - first) / 1e6)
 
 
 def test_checkpoints_at_equal_compute_cost_the_same():
-    cost = {name: eyes.mflop_an_image(vision.make_eye(*made)) for name, made in eyes.CAES.items()}
-    apart, ten, plain = (own + eyes.LONG[name] for name, own in eyes.CHECKPOINTS.items())
+    cost = {
+        name: encoders.mflop_an_image(vision.make_eye(*made))
+        for name, made in encoders.CAES.items()
+    }
+    apart, ten, plain = (own + encoders.LONG[name] for name, own in encoders.CHECKPOINTS.items())
     assert {*ten, plain[-1]} == {*plain, 128_000} and apart[2] == plain[1]
     for a, b in zip(apart[2:], plain[2:], strict=True):
         for name in ("plain 10", "plain 30"):
@@ -165,19 +168,19 @@ def study(seen, monkeypatch, tmp_path):
     monkeypatch.setattr(vision, "EyeRecipe", vision.EyeRecipe)
     monkeypatch.setattr(vision.EyeRecipe, "__init__", _two_a_step(vision.EyeRecipe.__init__))
     monkeypatch.setattr(frames, "training_images", lambda folder: images)
-    monkeypatch.setattr(eye_scores, "look", lambda folder, samples: looks)
-    monkeypatch.setattr(eyes, "PCAS", {"PCA 10": ("pca", 10)})
-    monkeypatch.setattr(eyes, "IN_USE", {"equal": {"separated 3x10": 10, "plain 10": 10}})
+    monkeypatch.setattr(encoder_scores, "look", lambda folder, samples: looks)
+    monkeypatch.setattr(encoders, "PCAS", {"PCA 10": ("pca", 10)})
+    monkeypatch.setattr(encoders, "IN_USE", {"equal": {"separated 3x10": 10, "plain 10": 10}})
     monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, 0), (1, 0)])
     clip = type("Clip", (), {"images": np.resize(images, (100, 120, 160, 3))})
     monkeypatch.setattr(recorder, "load_sequence", lambda folder, *sample: clip)
-    both = eye_scores.READERS
+    both = encoder_scores.READERS
     monkeypatch.setattr(
         eye_scores, "scores", lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both}
     )
 
     def run(seeds=(0,), checkpoints=STEPS, work="work", **more):
-        return eyes.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints, **more)
+        return encoders.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints, **more)
 
     run.folder = tmp_path
     return run
@@ -201,22 +204,22 @@ def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
         "plain 10": 8,
         "PCA 10": 2,
     }
-    assert set(table["split"]) == set(eye_scores.READERS)
-    assert not table.duplicated(eyes.KEY).any()
+    assert set(table["split"]) == set(encoder_scores.READERS)
+    assert not table.duplicated(encoders.KEY).any()
     long = table[(table["eye"] == "separated 3x10") & (table["split"] == "test")]
     assert long.groupby("seed")["sum"].nunique().tolist() == [3, 3]
     assert long["sum"].nunique() == 6
     assert (long["gflop"] == (long["presentations"] * 0.245878272).round(1)).all()
     for name, seed, last in (("separated 3x10", 1, 20), ("plain 10", 0, 10)):
-        folder = study.folder / "work" / eyes.folder_of(name, seed)
+        folder = study.folder / "work" / encoders.folder_of(name, seed)
         about = artefacts.load_weights(folder / f"eye_{last}.safetensors")[1]
         assert about["recipe"] == vars(vision.EyeRecipe(steps=last // 2, seed=seed))
         assert [path.name for path in folder.glob("features*")] == ["features_10.npz"]
-        assert eyes.features_are_of(folder / "features_10.npz", folder / "eye_10.safetensors")
+        assert encoders.features_are_of(folder / "features_10.npz", folder / "eye_10.safetensors")
 
 
 def test_a_row_is_what_a_training_of_that_length_gives(study):
-    table = study().set_index(eyes.KEY)["sum"]
+    table = study().set_index(encoders.KEY)["sum"]
     images = frames.training_images("none")
     for presentations in (10, 20):
         eye = vision.make_eye("separated")
@@ -231,36 +234,38 @@ def test_drawings_are_of_each_eye_at_its_longest(study):
     assert list(shown) == ["separated 3x10", "plain 10", "PCA 10"]
     weights = study.folder / "work" / "separated_3x10_seed0" / "eye_20.safetensors"
     with torch.no_grad():
-        expected = vision.load_eye(weights)(vision.as_input(frames.images(eye_scores.DRAWN)))
+        expected = vision.load_eye(weights)(vision.as_input(frames.images(encoder_scores.DRAWN)))
     found = shown["separated 3x10"]
     assert found.dtype == np.uint8 and found.shape == (4, 120, 160, 3)
     np.testing.assert_allclose(found / 255, expected.permute(0, 2, 3, 1), atol=0.002)
-    splits = {pattern(key[0]).split for key in eye_scores.DRAWN}
+    splits = {pattern(key[0]).split for key in encoder_scores.DRAWN}
     assert splits == {"test"}
 
 
 def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
-    monkeypatch.setattr(eyes, "LONG", {"separated 3x10": (40, 60), "plain 10": (20, 30)})
-    monkeypatch.setitem(eyes.IN_USE, "four times", {"separated 3x10": 40, "plain 10": 40})
+    monkeypatch.setattr(encoders, "LONG", {"separated 3x10": (40, 60), "plain 10": (20, 30)})
+    monkeypatch.setitem(encoders.IN_USE, "four times", {"separated 3x10": 40, "plain 10": 40})
     regular = study()
     drawn = (study.folder / "eyes_drawings.npz").read_bytes()
     table = study(long=True)
     assert (study.folder / "eyes_drawings.npz").read_bytes() == drawn
-    again = table.merge(regular[eyes.KEY])
+    again = table.merge(regular[encoders.KEY])
     pd.testing.assert_frame_equal(again, regular)
-    new = table.merge(regular[eyes.KEY], how="left", indicator=True).query("_merge == 'left_only'")
+    new = table.merge(regular[encoders.KEY], how="left", indicator=True).query(
+        "_merge == 'left_only'"
+    )
     made = {name: own["presentations"].tolist() for name, own in new.groupby("eye")}
     assert made == {
         "separated 3x10": [40, 40, 60, 60],
         "plain 10": [20, 20, 30, 30],
     }  # two splits of each
-    folder = study.folder / "work" / eyes.folder_of("separated 3x10", 0)
+    folder = study.folder / "work" / encoders.folder_of("separated 3x10", 0)
     assert {path.name for path in folder.glob("features*")} == {
         "features_10.npz", "features_40.npz"
     }  # fmt: skip
-    shorter = study.folder / "work" / eyes.folder_of("plain 10", 0)
+    shorter = study.folder / "work" / encoders.folder_of("plain 10", 0)
     assert [path.name for path in shorter.glob("features*")] == ["features_10.npz"]
-    assert eyes.features_are_of(folder / "features_40.npz", folder / "eye_40.safetensors")
+    assert encoders.features_are_of(folder / "features_40.npz", folder / "eye_40.safetensors")
 
 
 def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
@@ -287,7 +292,7 @@ LENGTHS = (("plain 10", 0, 40), ("plain 10", 1, 40), ("plain 10", 1, 160), ("PCA
 def work(seen, tmp_path):
     """Features of two eyes, one without chance, and one seed of the other longer trained."""
     for name, seed, length in LENGTHS:
-        folder = tmp_path / "eyes" / eyes.folder_of(name, seed)
+        folder = tmp_path / "eyes" / encoders.folder_of(name, seed)
         folder.mkdir(parents=True, exist_ok=True)
         weights = folder / f"eye_{length}.safetensors"
         vision.save_eye(weights, vision.make_eye("plain", 2), device="cuda")
@@ -317,7 +322,7 @@ def test_features_of_another_recording_are_refused(few, work, tmp_path):
 
 
 def test_every_eye_gets_a_ptae_of_each_seed_where_it_has_features(work):
-    jobs = [job[:3] for job in eyes_ptae.jobs_in(work, (0, 1, 2))]
+    jobs = [job[:3] for job in encoders_in_use.jobs_in(work, (0, 1, 2))]
     assert jobs == [("plain 10", 0, 40), ("PCA 30", 0, 8), ("plain 10", 1, 40),
                     ("plain 10", 1, 160), ("PCA 30", 1, 8), ("PCA 30", 2, 8)]  # fmt: skip
 
@@ -332,13 +337,13 @@ def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monke
     def evaluate(trained, samples):
         return {"describe_accuracy": 50.12345, "width": samples.features.shape[2]}
 
-    monkeypatch.setattr(eyes_ptae, "train", train)
-    monkeypatch.setattr(eyes_ptae, "evaluate", evaluate)
+    monkeypatch.setattr(encoders_in_use, "train", train)
+    monkeypatch.setattr(encoders_in_use, "evaluate", evaluate)
     path = work / "plain_10_seed1" / "features_160.npz"
-    row = eyes_ptae.run_one(seen, "plain 10", 1, 160, path)
+    row = encoders_in_use.run_one(seen, "plain 10", 1, 160, path)
     assert asked == [(4, 1)]
     assert (row["steps"], row["describe_accuracy"], row["width"]) == (7, 50.123, 4)
-    assert [row[name] for name in eyes_ptae.KEY] == ["plain 10", 1, 160]
+    assert [row[name] for name in encoders_in_use.KEY] == ["plain 10", 1, 160]
     assert row["device"] == "cuda"
 
 
@@ -349,9 +354,9 @@ def test_the_ptae_study_does_what_is_missing(seen, work, monkeypatch, tmp_path):
         asked.append((features.parent.name, features.name, seed))
         return {"eye": eye, "seed": seed, "presentations": presentations, "right": 10.0 * seed}
 
-    monkeypatch.setattr(eyes_ptae, "run_one", run_one)
-    eyes_ptae.study(seen, tmp_path, work, (0,))
-    table = eyes_ptae.study(seen, tmp_path, work, (0, 1))
+    monkeypatch.setattr(encoders_in_use, "run_one", run_one)
+    encoders_in_use.study(seen, tmp_path, work, (0,))
+    table = encoders_in_use.study(seen, tmp_path, work, (0, 1))
     assert asked == [
         ("plain_10_seed0", "features_40.npz", 0), ("PCA_30_seed0", "features_8.npz", 0),
         ("plain_10_seed1", "features_40.npz", 1), ("plain_10_seed1", "features_160.npz", 1),
@@ -365,7 +370,7 @@ def test_the_ptae_study_does_what_is_missing(seen, work, monkeypatch, tmp_path):
 
 def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path):
     with pytest.raises(RecordingError, match="no features of an eye; make them: .*study eyes"):
-        eyes_ptae.study(seen, tmp_path, tmp_path / "none")
+        encoders_in_use.study(seen, tmp_path, tmp_path / "none")
 
 
 @pytest.mark.parametrize(

@@ -9,16 +9,16 @@ import pytest
 
 from ptae_lite import artefacts, dataset
 from ptae_lite.evaluation import references
+from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use, encoders_table
 from ptae_lite.scaling import fit_scaling
-from ptae_lite.studies import eye_scores, eyes, eyes_ptae, eyes_table
 
 CHAPTER = Path(__file__).resolve().parents[1] / "book" / "02_vision.md"
 UP = ["first_both", "last_both", "first_both_products", "last_both_products", "last_act",
       "joints_r2"]  # fmt: skip
 DOWN = ["first_place_mm", "pixel_error"]
 END = "last_place_mm"  # the less, the better, too
-SEPARATED, PLAIN_10, PLAIN_30 = eyes.CAES
-LONGEST = {name: max(further) for name, further in eyes.LONG.items()}
+SEPARATED, PLAIN_10, PLAIN_30 = encoders.CAES
+LONGEST = {name: max(further) for name, further in encoders.LONG.items()}
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +42,11 @@ def means(rows):
 def equal(rows):
     """For each comparison, the means of the three CAEs."""
     return {
-        name: eyes_table.at(rows, lengths).drop(columns=["split", "device"]).groupby("eye").mean()
-        for name, lengths in eyes_table.EQUAL.items()
+        name: encoders_table.at(rows, lengths)
+        .drop(columns=["split", "device"])
+        .groupby("eye")
+        .mean()
+        for name, lengths in encoders_table.EQUAL.items()
     }
 
 
@@ -54,19 +57,19 @@ def lead(table, columns, first, second):
 
 
 def test_every_eye_was_looked_at_untrained_and_at_the_equal_lengths(rows, means):
-    for name in eyes.CAES:
+    for name in encoders.CAES:
         assert 0 in means.loc[name].index
-    assert set(rows[rows["eye"].isin(eyes.PCAS)]["eye"]) == set(eyes.PCAS)
-    assert rows[eyes.KEY].duplicated().sum() == 0
+    assert set(rows[rows["eye"].isin(encoders.PCAS)]["eye"]) == set(encoders.PCAS)
+    assert rows[encoders.KEY].duplicated().sum() == 0
 
 
 def test_equal_compute_was_equal(rows):
-    spent = eyes_table.at(rows, eyes_table.EQUAL["compute"])["gflop"]
+    spent = encoders_table.at(rows, encoders_table.EQUAL["compute"])["gflop"]
     assert spent.max() == pytest.approx(spent.min(), rel=1e-3)
 
 
 def test_training_improves_the_drawing_but_not_always_the_reading_of_colours(means):
-    for name in eyes.CAES:
+    for name in encoders.CAES:
         assert (np.diff(means.loc[name].sort_index()["pixel_error"]) < 0).all()
     lost = means.loc[PLAIN_30, 0]["first_both"] - means.loc[PLAIN_30, 166_960]["first_both"]
     assert 25 < lost < 26.5  # a quarter of the pairs
@@ -89,10 +92,10 @@ def test_the_figures_are_described_with_their_numbers(means, text):
         own = means.loc[name, column].sort_index()
         return own.loc[0], own.loc[LONGEST[name]]
 
-    first, last = ({name: ends(name, c) for name in eyes.CAES} for c in UP[:2])
+    first, last = ({name: ends(name, c) for name in encoders.CAES} for c in UP[:2])
     low, high = means.loc[PLAIN_30]["first_both"].min(), means.loc[SEPARATED]["last_both"].max()
     down = means.loc[PLAIN_30]["last_both"].min()
-    place = {name: ends(name, DOWN[0])[1] for name in eyes.CAES}
+    place = {name: ends(name, DOWN[0])[1] for name in encoders.CAES}
     for said in (
         f"rises from {first[SEPARATED][0]:.0f} to {first[SEPARATED][1]:.0f} per cent and stays",
         f"falls from {first[PLAIN_30][0]:.0f} to {low:.0f} and climbs to {first[PLAIN_30][1]:.0f}",
@@ -139,19 +142,19 @@ def test_products_find_colours_that_a_sum_does_not_most_of_all_at_first(means):
 
 def test_what_has_levelled_off_is_what_the_page_says(rows, text):
     """When this fails, the page's paragraphs about the rule have to be written anew."""
-    by_rule = eyes_table.levelled(rows)
+    by_rule = encoders_table.levelled(rows)
     assert by_rule[by_rule].index.tolist() == [(SEPARATED, 512_000)]
     assert "one row has levelled off: the separated eye after 512,000 images" in text
-    changed = eyes_table.changes(rows)
+    changed = encoders_table.changes(rows)
     after = changed.loc[SEPARATED, 1_024_000]
     assert round(after["first_place_mm"]) == -11 and round(after["last_both"]) == -4
-    drawing = {name: changed.loc[name, "pixel_error"] for name in eyes.CAES}
+    drawing = {name: changed.loc[name, "pixel_error"] for name in encoders.CAES}
     for own in drawing.values():
         assert own.is_monotonic_increasing and -7.5 < own.iloc[-1] < -5
         assert -30.5 < own.iloc[0] < -15.5
-    eight_times = {name: 8 * length for name, length in eyes.EQUAL_COMPUTE.items()}
+    eight_times = {name: 8 * length for name, length in encoders.EQUAL_COMPUTE.items()}
     assert all(drawing[name][n] > -10 for name, n in eight_times.items())
-    colours = {name: changed.loc[name, "first_both"] for name in eyes.CAES}
+    colours = {name: changed.loc[name, "first_both"] for name in encoders.CAES}
     assert (colours[SEPARATED].abs() < 3).all() and (colours[PLAIN_30].iloc[-2:].abs() < 3).all()
     assert colours[PLAIN_30].abs()[667_840] > 3 and colours[PLAIN_10].iloc[-1] < -10
     gained = changed.loc[PLAIN_30, "last_both"].iloc[-3:]
@@ -186,8 +189,8 @@ def test_wrong_colours_in_drawings_are_of_short_trainings(means):
 
 def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(rows, text):
     assert "Three seeds of each eye, and their ranges do not touch" in text
-    for lengths in eyes_table.EQUAL.values():
-        same = eyes_table.at(rows, lengths)
+    for lengths in encoders_table.EQUAL.values():
+        same = encoders_table.at(rows, lengths)
         assert set(same.groupby("eye")["seed"].nunique()) == {3}
         for column in ("first_both", "last_both", "last_both_products"):
             apart = same[same["eye"] == SEPARATED][column]
@@ -197,7 +200,7 @@ def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(r
 @pytest.fixture(scope="module")
 def longest(rows):
     """Test scores of the greatest lengths, by eye and seed."""
-    return eyes_table.at(rows, LONGEST).set_index(["eye", "seed"])
+    return encoders_table.at(rows, LONGEST).set_index(["eye", "seed"])
 
 
 def test_the_greatest_lengths_have_three_seeds_each(rows, longest):
@@ -205,7 +208,7 @@ def test_the_greatest_lengths_have_three_seeds_each(rows, longest):
         SEPARATED: 3, PLAIN_10: 4, PLAIN_30: 3
     }  # fmt: skip
     assert set(longest.drop(PLAIN_10)["device"]) == {"cuda"}
-    equal = eyes_table.at(rows, eyes_table.EQUAL["compute"])["gflop"].mean()
+    equal = encoders_table.at(rows, encoders_table.EQUAL["compute"])["gflop"].mean()
     times = (longest["gflop"] / equal).groupby("eye").mean().round(1)
     assert times.to_dict() == {SEPARATED: 16, PLAIN_10: 8, PLAIN_30: 16}
 
@@ -234,7 +237,7 @@ def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows, t
     cpu, gpu = shown(PLAIN_10, 1_335_680)
     assert cpu.item() > gpu.max()
     for what in ("four times as long", "eight times as long"):
-        for eye, presentations in eyes.IN_USE[what].items():
+        for eye, presentations in encoders.IN_USE[what].items():
             cpu, gpu = shown(eye, presentations)
             assert len(cpu) in (1, 2) and len(gpu) > len(cpu)
 
@@ -266,12 +269,12 @@ def test_against_ten_plain_numbers_the_lead_grows_with_the_length(means):
 @pytest.fixture(scope="module")
 def in_use():
     """PTAE's scores by eye, for each of the lengths that it was trained with, and with PCAs."""
-    rows = eyes_ptae.stored()
+    rows = encoders_in_use.stored()
     found = {
         what: rows[rows["presentations"] == rows["eye"].map(lengths)].set_index("eye")
-        for what, lengths in eyes.IN_USE.items()
+        for what, lengths in encoders.IN_USE.items()
     }
-    return found | {"PCA": rows[rows["eye"].isin(eyes.PCAS)].set_index("eye")}
+    return found | {"PCA": rows[rows["eye"].isin(encoders.PCAS)].set_index("eye")}
 
 
 @pytest.fixture(scope="module")
@@ -281,7 +284,7 @@ def with_equal(in_use):
 
 def test_ptae_was_trained_three_times_with_each_eye_and_once_with_the_longest(in_use):
     for what, rows in in_use.items():
-        assert set(rows.index) == set(eyes.PCAS if what == "PCA" else eyes.CAES)
+        assert set(rows.index) == set(encoders.PCAS if what == "PCA" else encoders.CAES)
         seeds = 1 if what == "eight times as long" else 3
         assert rows.groupby("eye")["seed"].nunique().eq(seeds).all()
 
@@ -290,7 +293,7 @@ def test_at_equal_presentations_ptae_describes_worse_with_plain_eyes_but_moves_b
     in_use, equal, text
 ):
     rows = in_use["equal presentations"]
-    own, ten, thirty = (rows.loc[name] for name in eyes.CAES)
+    own, ten, thirty = (rows.loc[name] for name in encoders.CAES)
     words = "describe_accuracy"
     for plain in (ten, thirty):
         assert plain[words].mean() < own[words].mean() - 35
@@ -301,7 +304,7 @@ def test_at_equal_presentations_ptae_describes_worse_with_plain_eyes_but_moves_b
 
 
 def test_ptae_describes_better_with_the_separated_eye(with_equal):
-    own, ten, thirty = (with_equal.loc[name, "describe_accuracy"] for name in eyes.CAES)
+    own, ten, thirty = (with_equal.loc[name, "describe_accuracy"] for name in encoders.CAES)
     assert own.min() > ten.max()
     assert own.mean() > thirty.mean() + 3 and own.min() < thirty.max()  # the ranges touch
 
@@ -323,7 +326,7 @@ def test_after_four_times_words_follow_the_colours_of_the_plain_eye(
 ):
     words, motion = after_four["describe_accuracy"], after_four["execute_nrmse"]
     seen = rows[rows["split"] == "test"].merge(
-        after_four.reset_index()[[*eyes_ptae.KEY, "device", "describe_accuracy"]],
+        after_four.reset_index()[[*encoders_in_use.KEY, "device", "describe_accuracy"]],
         validate="one_to_one",
     )
     assert len(seen) == len(after_four) == 10
@@ -371,5 +374,7 @@ def test_ptae_moves_better_than_a_plan_with_every_eye_but_one(in_use):
 
 def test_drawings_are_stored_of_every_eye():
     with np.load(artefacts.stored("results/eyes_drawings.npz")) as file:
-        assert set(file.files) == {*eyes.CAES, *eyes.PCAS}
-        assert {file[name].shape for name in file.files} == {(len(eye_scores.DRAWN), 120, 160, 3)}
+        assert set(file.files) == {*encoders.CAES, *encoders.PCAS}
+        assert {file[name].shape for name in file.files} == {
+            (len(encoder_scores.DRAWN), 120, 160, 3)
+        }

@@ -5,10 +5,10 @@ import pytest
 
 from ptae_lite import artefacts, dataset
 from ptae_lite.evaluation import references
+from ptae_lite.experiments import family
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import MARGIN
 from ptae_lite.scaling import fit_scaling
-from ptae_lite.studies import family
 
 ELDERS = ("PRAE", "PGAE", "PVAE")
 SWAPPED = "execute_speed_word_swapped"

@@ -10,8 +10,8 @@ import pytest
 import ptae_lite.__main__ as cli
 from ptae_lite import dataset
 from ptae_lite.errors import ConfigError
+from ptae_lite.experiments import family, tables
 from ptae_lite.models import checkpoint
-from ptae_lite.studies import family, tables
 from ptae_lite.training import Recipe
 
 TWO = ("PTAE", "PGAE, no repeat both")

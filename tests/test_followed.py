@@ -8,12 +8,12 @@ import pytest
 import torch
 
 from ptae_lite import dataset
+from ptae_lite.experiments import answer_source
+from ptae_lite.experiments.answer_source import Motions, Told
+from ptae_lite.experiments.incongruence import Condition
 from ptae_lite.language import EOS, WORD_INDEX, encode, pattern
 from ptae_lite.models.common import Answer
 from ptae_lite.scaling import fit_scaling
-from ptae_lite.studies import followed
-from ptae_lite.studies.followed import Motions, Told
-from ptae_lite.studies.incongruence import Condition
 
 TRUTH, FALSE = Told("push", "red", "fast"), Told("pull", "blue", "slowly")
 
@@ -36,24 +36,24 @@ TRUTH, FALSE = Told("push", "red", "fast"), Told("pull", "blue", "slowly")
     ],
 )
 def test_an_answer_follows_one_of_four(told, distractor, expected):
-    assert followed.follows(told, TRUTH, distractor) == expected
+    assert answer_source.follows(told, TRUTH, distractor) == expected
 
 
 def test_shares_add_up_and_say_which_aspects_are_the_distractors():
     told = [TRUTH, FALSE, Told("push", "blue", "fast"), Told()]
-    found = followed.shares(told, [TRUTH] * 4, [FALSE] * 4)
-    assert [found[name] for name in followed.FOLLOWED] == [25, 25, 25, 25]
+    found = answer_source.shares(told, [TRUTH] * 4, [FALSE] * 4)
+    assert [found[name] for name in answer_source.FOLLOWED] == [25, 25, 25, 25]
     assert (found["action_taken"], found["cube_taken"], found["speed_taken"]) == (25, 50, 25)
-    one = followed.shares(told, [TRUTH] * 4, [TRUTH._replace(speed="slowly")] * 4)
+    one = answer_source.shares(told, [TRUTH] * 4, [TRUTH._replace(speed="slowly")] * 4)
     assert np.isnan(one["action_taken"]) and one["speed_taken"] == 25
 
 
 def test_words_say_their_meaning_and_anything_else_says_nothing():
-    assert followed.told_in_words(encode("move-up scarlet quickly")[1:]) == TRUTH
+    assert answer_source.told_in_words(encode("move-up scarlet quickly")[1:]) == TRUTH
     push, red, fast = (WORD_INDEX[word] for word in ("push", "red", "fast"))
     for wrong in ([push, red, fast, red], [red, push, fast, EOS], [push, EOS, fast, EOS],
                   [EOS] * 4, [push, red, fast]):  # fmt: skip
-        assert followed.told_in_words(wrong) == Told()
+        assert answer_source.told_in_words(wrong) == Told()
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def test_distances_are_percent_of_the_joints_range(motions):
 
 def test_answers_farther_than_any_clip_say_nothing():
     told = [(TRUTH, 3.0), (FALSE, 5.0)]
-    assert followed.within(told, 4.0) == [TRUTH, Told()]
+    assert answer_source.within(told, 4.0) == [TRUTH, Told()]
 
 
 def test_answers_are_read_in_the_order_of_the_samples(acted, motions):
@@ -115,21 +115,21 @@ def test_answers_are_read_in_the_order_of_the_samples(acted, motions):
     for row, text in enumerate(("push red fast", "pull azure slowly", "slide cyan fast")):
         words[row, range(4), encode(text)[1:]] = 1
     answer = Answer(words, target.float(), torch.zeros(3, 1), torch.zeros(3, 1, 6, 100))
-    said = followed.told_by(answer, acted, indices, "describe", motions)
+    said = answer_source.told_by(answer, acted, indices, "describe", motions)
     assert [what for what, _ in said] == [TRUTH, FALSE, ("slide", "cyan", "fast")]
-    did = followed.told_by(answer, acted, indices, "execute", motions)
+    did = answer_source.told_by(answer, acted, indices, "execute", motions)
     assert [what for what, _ in did] == [
-        followed.truth_of(acted, int(i), "execute") for i in indices
+        answer_source.truth_of(acted, int(i), "execute") for i in indices
     ]
 
 
 def test_what_the_distractor_would_have(samples):
     index = int(np.flatnonzero(samples.pattern == 0)[0])  # push left slowly, red and blue
-    assert followed.truth_of(samples, index, "describe") == ("push", "red", "slowly")
-    assert followed.truth_of(samples, index, "execute") == ("push", "left", "slowly")
+    assert answer_source.truth_of(samples, index, "describe") == ("push", "red", "slowly")
+    assert answer_source.truth_of(samples, index, "execute") == ("push", "left", "slowly")
 
     def distractor(signal, place, extra):
-        return followed.distractor_of(samples, index, extra, Condition(signal, place))
+        return answer_source.distractor_of(samples, index, extra, Condition(signal, place))
 
     assert distractor("describe", "language", "pull azure quickly") == ("pull", "blue", "fast")
     in_motion = distractor("repeat action", "language", "pull azure quickly")
@@ -148,7 +148,7 @@ def test_in_our_recording_all_test_clips_are_told():
     test = samples.split("test")
     found = [motions.nearest(samples.joints[i, 1 : samples.frames[i]]) for i in test]
     assert [what for what, _ in found] == [
-        followed.truth_of(samples, int(i), "execute") for i in test
+        answer_source.truth_of(samples, int(i), "execute") for i in test
     ]
-    within = followed.within(found, motions.reach)
+    within = answer_source.within(found, motions.reach)
     assert sum(what != Told() for what in within) >= 214

@@ -7,12 +7,12 @@ import pytest
 
 from ptae_lite import artefacts, dataset
 from ptae_lite.evaluation import respond
+from ptae_lite.experiments import answer_source, incongruence, incongruence_table
+from ptae_lite.experiments.incongruence import EXTRA_INPUT, Condition
 from ptae_lite.language import parse, pattern
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 from ptae_lite.signals import Source
-from ptae_lite.studies import followed, incongruence, incongruence_table
-from ptae_lite.studies.incongruence import EXTRA_INPUT, Condition
 
 SEEDS = 3
 WORDS, MOTIONS = ("describe", "repeat language"), ("repeat action", "execute")
@@ -101,7 +101,7 @@ def speeds(asked, blank):
 
     slow = test[samples.frames[test] == 100]
     answer = respond(ptae, source, slow, "repeat language", change=change)
-    return np.mean([followed.told_in_words(w).speed == "fast" for w in answer.words.argmax(2)])
+    return np.mean([answer_source.told_in_words(w).speed == "fast" for w in answer.words.argmax(2)])
 
 
 def test_padding_is_the_speed(asked):
@@ -123,7 +123,7 @@ def test_the_first_exercise_has_an_answer(asked):
     for i, text, words in zip(test, false, answer.words.argmax(2), strict=True):
         colour = parse(text).colour
         there = colour in pattern(int(samples.pattern[i])).arrangement
-        believed[there].append(followed.told_in_words(words).cube == colour)
+        believed[there].append(answer_source.told_in_words(words).cube == colour)
     assert np.mean(believed[True]) > 2 * np.mean(believed[False])
 
 

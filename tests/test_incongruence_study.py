@@ -10,10 +10,10 @@ import pytest
 import ptae_lite.__main__ as cli
 from ptae_lite import dataset
 from ptae_lite.errors import ArtefactError, ConfigError
+from ptae_lite.experiments import incongruence_table, tables
+from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.incongruence import ASPECTS, EXTRA_INPUT, PLACES, Condition, conditions
 from ptae_lite.models import checkpoint
-from ptae_lite.studies import incongruence_table, tables
-from ptae_lite.studies.followed import FOLLOWED
-from ptae_lite.studies.incongruence import ASPECTS, EXTRA_INPUT, PLACES, Condition, conditions
 from ptae_lite.training import Recipe
 
 FEW = [Condition("describe"), Condition("describe", "language", ("colour",)),

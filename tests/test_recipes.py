@@ -9,9 +9,9 @@ import pytest
 import ptae_lite.__main__ as cli
 from ptae_lite import dataset, training
 from ptae_lite.errors import ConfigError
+from ptae_lite.experiments import recipes, supervision
+from ptae_lite.experiments.supervision import Job
 from ptae_lite.models.checkpoint import MODELS
-from ptae_lite.studies import recipes, supervision
-from ptae_lite.studies.supervision import Job
 from ptae_lite.training import RECIPES
 
 

@@ -12,13 +12,13 @@ import pytest
 
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
+from ptae_lite.experiments import tables
 from ptae_lite.files import alone
 from ptae_lite.reproduce import checks, pipeline, report, rerun, run_parallel
 from ptae_lite.reproduce.checks import arrays, judge, near, pictures, table
 from ptae_lite.reproduce.rerun import Rerun, Settings
 from ptae_lite.reproduce.stages import STAGES, Stage
 from ptae_lite.reproduce.view import View, duration, share_in
-from ptae_lite.studies import tables
 
 CHECK = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
 NAMES = ("results/one.csv", "results/two.csv")
@@ -108,16 +108,16 @@ def test_one_of_several_that_fails_is_a_failure_and_the_others_are_finished(tmp_
 
 
 def test_eyes_are_taken_from_where_their_study_leaves_them():
-    from ptae_lite.studies import eyes
+    from ptae_lite.experiments import encoders
 
     (one,) = (one for one in STAGES if one.name == "eyes")
     for name, path in one.lies.items():
         kind, recipe = (artefacts.load_weights(artefacts.stored(name))[1][k]
                         for k in ("kind", "recipe"))  # fmt: skip
-        (eye,) = (e for e, (k, code) in eyes.CAES.items() if k == kind and code == 10)
+        (eye,) = (e for e, (k, code) in encoders.CAES.items() if k == kind and code == 10)
         length = recipe["steps"] * recipe["batch"]
-        assert path == f"eyes/{eyes.folder_of(eye, recipe['seed'])}/eye_{length}.safetensors"
-        assert length in eyes.CHECKPOINTS[eye]
+        assert path == f"eyes/{encoders.folder_of(eye, recipe['seed'])}/eye_{length}.safetensors"
+        assert length in encoders.CHECKPOINTS[eye]
     features = next(one for one in STAGES if one.name == "features").command
     assert features.endswith("--eye {out}/" + one.lies["weights/cae.safetensors"])
 
@@ -408,7 +408,7 @@ def test_every_table_and_every_array_is_compared_in_something():
 
 @pytest.mark.parametrize(("lost", "agrees"), [(2, True), (6, False)])
 def test_episodes_are_compared_by_their_ends(tmp_path, lost, agrees):
-    from ptae_lite.studies import episodes
+    from ptae_lite.experiments import episodes
 
     name, kept = f"results/{episodes.EPISODES}", episodes.load()
     won = [i for i, one in enumerate(kept) if one.verdict.success]
@@ -428,7 +428,7 @@ def test_episodes_are_compared_by_their_ends(tmp_path, lost, agrees):
 
 
 def test_other_episodes_do_not_agree(tmp_path):
-    from ptae_lite.studies import episodes
+    from ptae_lite.experiments import episodes
 
     name, kept = f"results/{episodes.EPISODES}", episodes.load()
     folders = two(tmp_path, name, lambda path, first: episodes.write(path, kept[first:]))

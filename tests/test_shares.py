@@ -7,10 +7,10 @@ from test_panels import controls_of, frames_in
 
 from ptae_lite import artefacts, dataset
 from ptae_lite.evaluation import CHANCE
+from ptae_lite.experiments import supervision
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 from ptae_lite.plots import supervision as supervision_plots
-from ptae_lite.studies import supervision
 from ptae_lite.widgets import supervision as supervision_panel
 
 SHARES = (2, 10, 66.6, 100)

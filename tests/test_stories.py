@@ -9,12 +9,9 @@ import pytest
 from test_panels import controls_of
 
 from ptae_lite import artefacts, dataset
-from ptae_lite.language import pattern
-from ptae_lite.models import checkpoint
-from ptae_lite.signals import Source
-from ptae_lite.studies import incongruence_table, stories
-from ptae_lite.studies.followed import FOLLOWED
-from ptae_lite.studies.incongruence import (
+from ptae_lite.experiments import conflict_examples, incongruence_table
+from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.incongruence import (
     ANSWERS_WORDS,
     EXTRA_INPUT,
     Condition,
@@ -22,6 +19,9 @@ from ptae_lite.studies.incongruence import (
     extra_inputs,
     respond_under,
 )  # fmt: skip
+from ptae_lite.language import pattern
+from ptae_lite.models import checkpoint
+from ptae_lite.signals import Source
 from ptae_lite.widgets import conflict_cards
 
 POSITIONS = list(
@@ -37,7 +37,7 @@ def recorded():
 
 @pytest.fixture(scope="module")
 def stored():
-    return stories.load()
+    return conflict_examples.load()
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def table():
 
 @pytest.fixture(scope="module")
 def model():
-    return checkpoint.load(artefacts.stored(stories.MODEL))
+    return checkpoint.load(artefacts.stored(conflict_examples.MODEL))
 
 
 # ---------------------------------------------------------------- telling and storing
@@ -56,7 +56,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def told(trained, samples):
-    return stories.tell(trained, samples, int(samples.split("test")[1]), FILMS)
+    return conflict_examples.tell(trained, samples, int(samples.split("test")[1]), FILMS)
 
 
 def test_a_clip_is_told_under_every_condition(trained, samples, told):
@@ -75,10 +75,10 @@ def test_a_clip_is_told_under_every_condition(trained, samples, told):
 
 
 def test_what_is_written_is_read_back(trained, samples, tmp_path):
-    paths = stories.write(tmp_path / "new", trained, samples, FILMS)
-    assert [path.name for path in paths] == [stories.TOLD, stories.KEPT]
-    again = stories.load(lambda name: tmp_path / "new" / name)
-    first = stories.tell(trained, samples, int(samples.split("test")[0]), FILMS)
+    paths = conflict_examples.write(tmp_path / "new", trained, samples, FILMS)
+    assert [path.name for path in paths] == [conflict_examples.TOLD, conflict_examples.KEPT]
+    again = conflict_examples.load(lambda name: tmp_path / "new" / name)
+    first = conflict_examples.tell(trained, samples, int(samples.split("test")[0]), FILMS)
     assert again.index == first.index
     pd.testing.assert_frame_equal(again.told, first.told, check_dtype=False)
     np.testing.assert_array_equal(again.joints, first.joints)
@@ -90,20 +90,24 @@ def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_p
     monkeypatch.setattr(artefacts, "stored", lambda name: name)
     monkeypatch.setattr(checkpoint, "load", lambda path: trained)
     monkeypatch.setattr(dataset, "load", lambda name: samples)
-    monkeypatch.setattr(stories, "film", lambda *given: FILMS)
+    monkeypatch.setattr(conflict_examples, "film", lambda *given: FILMS)
     monkeypatch.setattr(artefacts, "DATA", tmp_path)
     monkeypatch.setattr(artefacts, "register", lambda name, **about: noted.update({name: about}))
-    assert stories.main(["--out", str(tmp_path / "look")]) == 0
-    assert not noted and (tmp_path / "look" / stories.TOLD).exists()
-    assert stories.main(["--store"]) == 0
-    assert set(noted) == {f"results/{name}" for name in (stories.TOLD, stories.KEPT)}
-    assert all("studies.stories --store" in about["command"] for about in noted.values())
+    assert conflict_examples.main(["--out", str(tmp_path / "look")]) == 0
+    assert not noted and (tmp_path / "look" / conflict_examples.TOLD).exists()
+    assert conflict_examples.main(["--store"]) == 0
+    assert set(noted) == {
+        f"results/{name}" for name in (conflict_examples.TOLD, conflict_examples.KEPT)
+    }
+    assert all(
+        "experiments.conflict_examples --store" in about["command"] for about in noted.values()
+    )
     assert capsys.readouterr().out.count("wrote") == 4
 
 
 def test_without_a_recording_one_sentence_says_what_is_missing(tmp_path, capsys):
     arguments = ["--recording", str(tmp_path / "none"), "--out", str(tmp_path / "new")]
-    assert stories.main(arguments) == 1
+    assert conflict_examples.main(arguments) == 1
     said = capsys.readouterr().err
     assert said.startswith("stories: ") and "none" in said and said.count("\n") == 1
     assert not (tmp_path / "new").exists()
@@ -136,7 +140,7 @@ def test_the_stored_weights_still_give_the_stored_values(stored, table, recorded
         made = model.scaling.joints_back(answer.joints[0].numpy())
         np.testing.assert_allclose(stored.joints[told.track], made, atol=0.02)
     else:
-        assert stories.sentences(answer) == [told.answer]
+        assert conflict_examples.sentences(answer) == [told.answer]
 
 
 def test_films_show_the_clips_arrangement(stored, recorded):

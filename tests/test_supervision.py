@@ -12,12 +12,12 @@ import ptae_lite.__main__ as cli
 from ptae_lite import dataset, training
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate, linear_describe_accuracy
+from ptae_lite.experiments import labels, supervision, tables
+from ptae_lite.experiments.supervision import Job
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import PVAE
 from ptae_lite.models.checkpoint import MODELS
 from ptae_lite.signals import SUPERVISED, signal_index, signal_number
-from ptae_lite.studies import labels, supervision, tables
-from ptae_lite.studies.supervision import Job
 from ptae_lite.training import Recipe
 
 QUICK = Recipe(epochs=1, batch=8)

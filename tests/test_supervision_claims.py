@@ -5,10 +5,10 @@ import pytest
 
 from ptae_lite import artefacts
 from ptae_lite.evaluation import CHANCE
+from ptae_lite.experiments import recipes
+from ptae_lite.experiments.supervision import SHARES
 from ptae_lite.paper import reported
 from ptae_lite.plots import supervision as supervision_plots
-from ptae_lite.studies import recipes
-from ptae_lite.studies.supervision import SHARES
 from ptae_lite.training import RECIPES
 
 ACTION_WORD = 7.1  # execute NRMSE of the mean motion of the action word; the chapter prints it

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
+from ptae_lite.experiments import tasks as made_tasks
 from ptae_lite.language import ACTIONS, parse, pattern
 from ptae_lite.robot import motions
 from ptae_lite.robot.scene import NOMINAL_PLACES_M
-from ptae_lite.studies import told
 
 
 @pytest.fixture(scope="module")
 def tasks(samples):
-    return told.told_in(samples, samples.split("test"))
+    return made_tasks.told_in(samples, samples.split("test"))
 
 
 def test_every_test_sample_is_told_its_meaning_in_its_own_scene(samples, tasks):
@@ -27,27 +27,27 @@ def test_every_test_sample_is_told_its_meaning_in_its_own_scene(samples, tasks):
 
 
 def test_blank_keeps_the_scene_and_drops_the_words(tasks):
-    made = told.blank(tasks)
+    made = made_tasks.blank(tasks)
     assert {task.told for task in made} == {None}
     assert [task.stage for task in made] == [task.stage for task in tasks]
 
 
 def test_synonyms_are_other_words_of_the_same_meaning(tasks):
-    for task in told.synonyms(tasks):
+    for task in made_tasks.synonyms(tasks):
         assert parse(task.told) == task.asked.meaning
         assert not set(task.told.split()) & {*ACTIONS, *task.asked.meaning}
 
 
 def test_a_swapped_speed_word_changes_what_is_right(tasks):
-    for old, new in zip(tasks, told.swapped_speed(tasks), strict=True):
+    for old, new in zip(tasks, made_tasks.swapped_speed(tasks), strict=True):
         assert parse(new.told) == new.asked.meaning != old.asked.meaning
         assert (new.asked.action, new.asked.side) == (old.asked.action, old.asked.side)
 
 
 def test_families_meet_that_never_met_in_training(tasks):
-    two = told.first_two(tasks)
+    two = made_tasks.first_two(tasks)
     assert len({task.asked.index for task in two}) == 36 and len(two) == 72
-    made = told.new_family(two)
+    made = made_tasks.new_family(two)
     trained = {(pattern(i).left, pattern(i).right) for i in range(144)}
     for task in made:
         assert task.stage.colours not in trained
@@ -56,7 +56,7 @@ def test_families_meet_that_never_met_in_training(tasks):
 
 
 def test_displaced_cubes_are_where_training_has_none(tasks):
-    for task in told.displaced(tasks):
+    for task in made_tasks.displaced(tasks):
         off = np.linalg.norm(task.stage.places_m - np.array(NOMINAL_PLACES_M), axis=1)
         assert np.allclose(off, 0.024)
         assert off.min() > np.sqrt(2) * motions.PLACE_JITTER_M  # the far corner of what is known
@@ -64,7 +64,7 @@ def test_displaced_cubes_are_where_training_has_none(tasks):
 
 
 def test_an_absent_colour_is_of_the_family_and_not_on_the_table(tasks):
-    for task in told.absent_colour(tasks):
+    for task in made_tasks.absent_colour(tasks):
         colour = parse(task.told).colour
         assert colour not in task.stage.colours
         pair = (pattern(i) for i in range(144))

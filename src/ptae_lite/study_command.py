@@ -15,7 +15,7 @@ from ptae_lite.files import alone
 
 def _supervision(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import supervision
+    from ptae_lite.experiments import supervision
 
     samples = dataset.load(options.data, options.holdout)
     jobs = supervision.select(
@@ -32,7 +32,7 @@ def _supervision(options) -> dict:
 
 def _recipes(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import recipes
+    from ptae_lite.experiments import recipes
 
     samples = dataset.load(options.data, options.holdout)
     table = recipes.study(
@@ -45,9 +45,9 @@ def _recipes(options) -> dict:
 
 def _eyes(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import eyes
+    from ptae_lite.experiments import encoders
 
-    table = eyes.study(
+    table = encoders.study(
         dataset.load_unseen(options.recording), options.recording, options.out, options.eyes,
         options.seeds or (0, 1, 2), workers=options.workers, device=options.device,
         long=options.long,
@@ -58,9 +58,9 @@ def _eyes(options) -> dict:
 
 def _eyes_ptae(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import eyes_ptae
+    from ptae_lite.experiments import encoders_in_use
 
-    table = eyes_ptae.study(
+    table = encoders_in_use.study(
         dataset.load(), options.out, options.eyes, options.seeds or (0, 1, 2),
         workers=options.workers,
         progress=lambda results, total: bar(results, total=total, desc="trainings"),
@@ -70,7 +70,7 @@ def _eyes_ptae(options) -> dict:
 
 def _family(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import family
+    from ptae_lite.experiments import family
 
     samples = dataset.load(options.data, options.holdout)
     table = family.study(
@@ -83,7 +83,7 @@ def _family(options) -> dict:
 
 def _incongruence(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import incongruence_table
+    from ptae_lite.experiments import incongruence_table
 
     samples = dataset.load(options.data, options.holdout)
     table = incongruence_table.study(
@@ -98,7 +98,7 @@ def _incongruence(options) -> dict:
 
 def _closed_loop(options) -> dict:
     from ptae_lite import dataset
-    from ptae_lite.studies import closed_loop, episodes
+    from ptae_lite.experiments import closed_loop, episodes
 
     folder = Path(options.out)
     table = closed_loop.study(

@@ -19,10 +19,10 @@ sys.modules["pybullet"] = None  # as where there is no wheel
 # What only has to be imported once is imported before the watch begins: modules are code.
 import ptae_lite.__main__ as cli  # noqa: E402
 from ptae_lite import artefacts, dataset, evaluation, frames, vision  # noqa: E402, F401
+from ptae_lite.experiments import conflict_examples, episodes, family  # noqa: E402, F401
 from ptae_lite.models import checkpoint  # noqa: E402
 from ptae_lite.paper import reported  # noqa: E402, F401
 from ptae_lite.plots import closed_loop as closed_loop_plots  # noqa: E402
-from ptae_lite.studies import episodes, family, stories  # noqa: E402, F401
 from ptae_lite.widgets import showcase  # noqa: E402, F401
 
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
@@ -59,7 +59,7 @@ def read_everything() -> None:
         vision.encode_images(eye, frames.images(frames.stored_keys()[:2]))
     trained = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
     evaluation.evaluate(trained, samples, "held_out")
-    stories.load()
+    conflict_examples.load()
     episodes.load()
     closed_loop_plots.strips()
     showcase.panel(samples)

@@ -16,8 +16,8 @@ from watch import environment, unchanged
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, dataset, files, frames, study_command, training, vision
 from ptae_lite.errors import FileError
+from ptae_lite.experiments import tables
 from ptae_lite.robot import recorder, scene
-from ptae_lite.studies import tables
 
 TINY = ["--set", "hidden=16", "--set", "heads=2", "--set", "feed_forward=32",
         "--set", "decoder_units=12", "--epochs", "1"]  # fmt: skip

@@ -57,10 +57,10 @@ def test_a_locale_without_utf8(project):
         "import sys, locale\n"
         "assert 'utf' not in locale.getpreferredencoding().lower()\n"
         "from ptae_lite import artefacts, dataset, console\n"
-        "from ptae_lite.studies import stories\n"
+        "from ptae_lite.experiments import conflict_examples\n"
         "from ptae_lite.book import contents\n"
         "from pathlib import Path\n"
-        "stories.load()\n"
+        "conflict_examples.load()\n"
         "contents.Contents(Path(sys.argv[1]))\n"
         "sys.exit(console.guarded('read', lambda: print('M\\u00fcller \\u2192 \\u0410')))\n"
     )

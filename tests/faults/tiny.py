@@ -109,7 +109,7 @@ def rerun(folder, stored) -> int:
 
 def naps(count) -> int:
     """What a study does side by side, with jobs that only take their time."""
-    from ptae_lite.studies import tables
+    from ptae_lite.experiments import tables
 
     jobs = [(WAIT_S,)] * int(count)
     tables.run(time.sleep, jobs, lambda _: say("begun"), workers=2)

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from ptae_lite.experiments import encoders_table, family, incongruence_table
+from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT
+from ptae_lite.experiments.supervision import REGULAR
 from ptae_lite.paper import reported
-from ptae_lite.studies import eyes_table, family, incongruence_table
-from ptae_lite.studies.incongruence import ANSWERS_WORDS, EXTRA_INPUT
-from ptae_lite.studies.supervision import REGULAR
 
 TINY = 2  # percent: with so few labels a longer training is asked, too
 MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours may be so much worse than a number and keep to it
@@ -230,6 +230,6 @@ def channels(tables: Tables):
     """Both colours of first frames: separated channels before one network, equal presentations."""
     if tables.eyes.empty:
         return []
-    same = eyes_table.at(tables.eyes, eyes_table.EQUAL["presentations"])
+    same = encoders_table.at(tables.eyes, encoders_table.EQUAL["presentations"])
     scores = same.pivot(index="seed", columns="eye", values="first_both")
     return scores[SEPARATED] - scores[PLAIN]

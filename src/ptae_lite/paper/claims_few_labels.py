@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from ptae_lite.evaluation import CHANCE
+from ptae_lite.experiments.supervision import REGULAR
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import (
     IN_WORDS,
@@ -18,7 +19,6 @@ from ptae_lite.paper.claim_metrics import (
     plateau,
     with_labels,
 )
-from ptae_lite.studies.supervision import REGULAR
 
 FEW = "04_limited_supervision"
 CURVES, ANCESTORS = "The paper's figures", "PTAE and its ancestors"

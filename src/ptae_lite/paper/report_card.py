@@ -8,11 +8,11 @@ import pandas as pd
 from ptae_lite import artefacts
 from ptae_lite.dataset import Samples
 from ptae_lite.evaluation import evaluate
+from ptae_lite.experiments import incongruence_table
+from ptae_lite.experiments.supervision import VARIANTS
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.paper.claim_metrics import MARGIN, Claim, Tables
 from ptae_lite.paper.claims import CLAIMS
-from ptae_lite.studies import incongruence_table
-from ptae_lite.studies.supervision import VARIANTS
 
 HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
 NOT_TESTABLE = "not testable"

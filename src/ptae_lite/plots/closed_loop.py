@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ptae_lite import artefacts
+from ptae_lite.experiments.episodes import STRIPS
 from ptae_lite.plots import style
-from ptae_lite.studies.episodes import STRIPS
 
 
 def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, float]) -> Figure:

@@ -1,6 +1,6 @@
 """Figures of incongruence: the four signals by the number of conflicts, and who is followed.
 
-All are drawn from the table of `studies.incongruence_table`; no model is asked here.
+All are drawn from the table of `experiments.incongruence_table`; no model is asked here.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import pandas as pd
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES
 from ptae_lite.paper import reported
 from ptae_lite.plots import style
-from ptae_lite.studies.followed import FOLLOWED
-from ptae_lite.studies.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES
 
 SHOWN = ("describe", "repeat language", "repeat action", "execute")  # words above, motions below
 LOOKS = {  # of a line of conflicts, by where they are

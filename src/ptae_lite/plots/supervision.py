@@ -1,6 +1,6 @@
 """Figures of limited supervision: the paper's figures from our table.
 
-Everything is drawn from the stored tables of `studies.supervision`, whatever rows they have.
+Everything is drawn from the stored tables of `experiments.supervision`, whatever rows they have.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ptae_lite.evaluation import CHANCE
+from ptae_lite.experiments.supervision import REGULAR, SHARES, VARIANTS
 from ptae_lite.paper import reported
 from ptae_lite.plots import style
-from ptae_lite.studies.supervision import REGULAR, SHARES, VARIANTS
 
 LOOKS = {  # colour, dash, mark; and of the paper's points
     "ptae": (style.BLUE, "-", "o"),

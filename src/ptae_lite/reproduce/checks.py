@@ -21,8 +21,8 @@ from PIL import Image
 
 from ptae_lite import artefacts, dataset, vision
 from ptae_lite.evaluation import evaluate, linear_describe_accuracy
+from ptae_lite.experiments import episodes as kept_episodes
 from ptae_lite.models import checkpoint
-from ptae_lite.studies import episodes as kept_episodes
 
 OTHER_SHAPES = "its arrays have other names or shapes"
 

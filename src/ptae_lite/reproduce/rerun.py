@@ -19,11 +19,11 @@ from typing import NamedTuple
 
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
+from ptae_lite.experiments import tables
 from ptae_lite.files import whole
 from ptae_lite.reproduce.fingerprints import library
 from ptae_lite.reproduce.stages import STAGES, Stage
 from ptae_lite.reproduce.view import View, share_in
-from ptae_lite.studies import tables
 
 FORMAT = "ptae-lite re-run 1"
 TAIL = 8  # lines shown of what a failed command said

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ptae_lite.experiments.encoders import CAES, PCAS
 from ptae_lite.reproduce.checks import (
     READOUT,
     SCORES,
@@ -20,7 +21,6 @@ from ptae_lite.reproduce.checks import (
     table,
     texts,
 )
-from ptae_lite.studies.eyes import CAES, PCAS
 
 
 class Stage(NamedTuple):
@@ -81,7 +81,8 @@ STAGES = (
             table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES},
         0, 24, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
-    Stage("stories", "ptae_lite.studies.stories --recording {out}/recording --out {out}/results", {
+    Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
+          "--out {out}/results", {
         "results/incongruence_stories.csv": texts(
             ("sample", "signal", "conflict_in", "conflicts", "aspects"), "answer", 0.6),
         "results/incongruence_stories.npz": arrays({"joints": 0.05, "films": 4}, 0.9)},

@@ -18,17 +18,17 @@ import pandas as pd
 from PIL import Image
 
 from ptae_lite.dataset import Samples
-from ptae_lite.language import Pattern, pattern, sentence
-from ptae_lite.plots.incongruence import FILLS, score_name
-from ptae_lite.studies.followed import FOLLOWED, distractor_of, truth_of
-from ptae_lite.studies.incongruence import (
+from ptae_lite.experiments.answer_source import FOLLOWED, distractor_of, truth_of
+from ptae_lite.experiments.conflict_examples import Stories
+from ptae_lite.experiments.incongruence import (
     ANSWERS_WORDS,
     ASPECTS,
     EXTRA_INPUT,
     Condition,
     conflict_sets,
 )  # fmt: skip
-from ptae_lite.studies.stories import Stories
+from ptae_lite.language import Pattern, pattern, sentence
+from ptae_lite.plots.incongruence import FILLS, score_name
 from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.scene3d import arm_scene
 

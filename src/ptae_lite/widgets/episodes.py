@@ -8,11 +8,11 @@ import ipywidgets
 from torch import nn
 
 from ptae_lite.errors import PTAEError, RobotError
+from ptae_lite.experiments.episodes import Kept, perform, side_of, stages
 from ptae_lite.language import ACTIONS, MEANINGS, SIDES, SPEEDS, Meaning, alternatives, parse
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
 from ptae_lite.run_mode import is_static
-from ptae_lite.studies.episodes import Kept, perform, side_of, stages
 from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.scene3d import arm_scene
 from ptae_lite.widgets.viewer import Viewer

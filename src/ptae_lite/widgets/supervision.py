@@ -1,6 +1,6 @@
 """Limited supervision to choose from: a panel over the shares, and a button that trains one.
 
-The panel is drawn from the stored tables of `studies.supervision`. Only the button trains.
+The panel is drawn from the stored tables of `experiments.supervision`. Only the button trains.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ptae_lite.errors import ConfigError
+from ptae_lite.experiments.supervision import SHARES, Job, examples, fit, scores
 from ptae_lite.language import SYNONYMS, Meaning
 from ptae_lite.plots import style
 from ptae_lite.plots.supervision import LABELS, MAIN, NAMES, draw_measure, rows_of, shared_legend
-from ptae_lite.studies.supervision import SHARES, Job, examples, fit, scores
 from ptae_lite.training import RECIPES
 from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.train_button import TrainButton

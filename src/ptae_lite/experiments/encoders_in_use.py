@@ -1,4 +1,4 @@
-"""What PTAE reaches with each eye: the features of `studies.eyes` in, its scores out.
+"""What PTAE reaches with each eye: the features of `experiments.encoders` in, its scores out.
 
 Every training is the regular one, on the CPU; only the features differ. `device` is the eye's.
 """
@@ -15,8 +15,8 @@ from ptae_lite import artefacts, dataset
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import RecordingError
 from ptae_lite.evaluation import evaluate
-from ptae_lite.studies import tables
-from ptae_lite.studies.eyes import CAES, PCAS, folder_of
+from ptae_lite.experiments import tables
+from ptae_lite.experiments.encoders import CAES, PCAS, folder_of
 from ptae_lite.training import RECIPES, train
 
 KEY = ["eye", "seed", "presentations"]
@@ -66,7 +66,7 @@ def study(samples: Samples, folder, work, seeds=(0, 1, 2), workers: int = 1,
 
     Args:
         folder: of the table.
-        work: the folder of the eyes' features, as `studies.eyes` leaves it.
+        work: the folder of the eyes' features, as `experiments.encoders` leaves it.
         workers: trainings side by side.
     """
     jobs, table = jobs_in(work, seeds), Path(folder) / "eyes_ptae.csv"

@@ -19,6 +19,8 @@ from ptae_lite.acting import Actor
 from ptae_lite.dataset import MAX_FRAMES, Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate, respond, sentences
+from ptae_lite.experiments import family, tables
+from ptae_lite.experiments.tasks import CONDITIONS, Task, tasks_of, told_in
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import PTAEConfig
@@ -26,8 +28,6 @@ from ptae_lite.robot import closed_loop
 from ptae_lite.robot.closed_loop import Episode, Verdict
 from ptae_lite.robot.scene import pybullet
 from ptae_lite.signals import STEPS, Source
-from ptae_lite.studies import family, tables
-from ptae_lite.studies.told import CONDITIONS, Task, tasks_of, told_in
 from ptae_lite.training import RECIPES, train
 
 KEY = ["model", "seed", "condition"]

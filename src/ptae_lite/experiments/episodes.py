@@ -16,13 +16,13 @@ from torch import nn
 
 from ptae_lite import artefacts, vision
 from ptae_lite.acting import Actor
+from ptae_lite.experiments import closed_loop as study
 from ptae_lite.files import write_arrays
 from ptae_lite.language import ACTIONS, SIDES, SPEEDS, Meaning, parse, pattern, sentence
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
-from ptae_lite.studies import closed_loop as study
 
 EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
 FIRST_SEED = 10_000  # the recording's end before

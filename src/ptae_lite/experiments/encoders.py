@@ -21,8 +21,8 @@ from torch.utils.flop_counter import FlopCounterMode
 from ptae_lite import artefacts, dataset, devices, frames, pca, vision
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
+from ptae_lite.experiments import encoder_scores, tables
 from ptae_lite.files import write_arrays
-from ptae_lite.studies import eye_scores, tables
 
 CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
 PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pca", 30)}
@@ -68,14 +68,14 @@ class Bench:
         self.samples, self.recording = samples, recording
         self.table, self.work = Path(folder) / "eyes.csv", Path(work)
         self.images = frames.training_images(recording)
-        self.looks = eye_scores.look(recording, samples)
+        self.looks = encoder_scores.look(recording, samples)
 
     def rows(self) -> pd.DataFrame:
         return tables.read(self.table, KEY)
 
     def write(self, eye, about: dict) -> None:
         """Add the two rows of an eye, one a split."""
-        scores = eye_scores.scores(eye, self.looks, self.samples)
+        scores = encoder_scores.scores(eye, self.looks, self.samples)
         made = [about | {"split": split} | found for split, found in scores.items()]
         tables.add(self.table, pd.DataFrame(made), KEY)
 
@@ -220,11 +220,11 @@ def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
 
 
 def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
-    """`eyes_drawings.npz`: the test images of `eye_scores.DRAWN`, drawn by each eye of a seed."""
+    """`eyes_drawings.npz`: the images `encoder_scores.DRAWN`, drawn by each eye of a seed."""
     paths = {name: bench.weights(name, seed, max(own)) for name, own in checkpoints.items()}
     some = len(bench.images[::PCA_EVERY])
     paths |= {name: bench.weights(name, 0, some) for name in PCAS}
-    shown = {name: eye_scores.drawn(vision.load_eye(path)) for name, path in paths.items()}
+    shown = {name: encoder_scores.drawn(vision.load_eye(path)) for name, path in paths.items()}
     write_arrays(bench.table.with_name("eyes_drawings.npz"), **shown)
 
 

@@ -25,10 +25,10 @@ from ptae_lite.evaluation import (
     references,
     respond,
 )
+from ptae_lite.experiments import tables
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import MODELS, Trained
 from ptae_lite.signals import Source
-from ptae_lite.studies import tables
 from ptae_lite.training import RECIPES, Recipe, train
 
 

@@ -1,4 +1,4 @@
-"""How the table of `studies.eyes` is read: equal lengths side by side, and which levelled off."""
+"""How the table of `encoders` is read: equal lengths side by side, and which levelled off."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import pandas as pd
 
 from ptae_lite.errors import ConfigError
-from ptae_lite.studies import eyes
+from ptae_lite.experiments import encoders
 
 EQUAL = {  # presentations of each eye in the two fair comparisons
-    "presentations": eyes.EQUAL_PRESENTATIONS,
-    "compute": eyes.EQUAL_COMPUTE,
+    "presentations": encoders.EQUAL_PRESENTATIONS,
+    "compute": encoders.EQUAL_COMPUTE,
 }
 
 
@@ -59,7 +59,7 @@ def changes(rows: pd.DataFrame) -> pd.DataFrame:
     ones in points. Lengths without a shorter one beside them are left out.
     """
     measures, found = [*ERRORS, *COLOURS], {}
-    own = rows[(rows["split"] == "held_out") & rows["eye"].isin(eyes.CAES)]
+    own = rows[(rows["split"] == "held_out") & rows["eye"].isin(encoders.CAES)]
     for eye, runs in own.groupby("eye", sort=False):
         for presentations, now in runs.groupby("presentations"):
             shorter = runs["presentations"][runs["presentations"].between(1, presentations / 2)]

@@ -1,7 +1,7 @@
 """One test clip's answers under each condition, kept so that a page without a model can show them.
 
-    python -m ptae_lite.studies.stories             # into build/results, to look at
-    python -m ptae_lite.studies.stories --store     # into data/results, with provenance
+    python -m ptae_lite.experiments.conflict_examples           # into build/results, to look at
+    python -m ptae_lite.experiments.conflict_examples --store   # into data/results, with origin
 
 The command asks the stored PTAE, and has to be run again when its weights are replaced. It takes
 pictures of the clip and its distractors from a recording's folder (`python -m ptae_lite record`).
@@ -25,13 +25,8 @@ from ptae_lite import artefacts, dataset
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import PTAEError
 from ptae_lite.evaluation import poses, sentences
-from ptae_lite.files import whole, write_arrays
-from ptae_lite.language import ACTIONS, pattern
-from ptae_lite.models import checkpoint
-from ptae_lite.models.checkpoint import Trained
-from ptae_lite.signals import Source
-from ptae_lite.studies import followed
-from ptae_lite.studies.incongruence import (
+from ptae_lite.experiments import answer_source
+from ptae_lite.experiments.incongruence import (
     ANSWERS_WORDS,
     EXTRA_INPUT,
     Condition,
@@ -39,6 +34,11 @@ from ptae_lite.studies.incongruence import (
     extra_inputs,
     respond_under,
 )  # fmt: skip
+from ptae_lite.files import whole, write_arrays
+from ptae_lite.language import ACTIONS, pattern
+from ptae_lite.models import checkpoint
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.signals import Source
 
 MODEL = "weights/ptae.safetensors"
 TOLD, KEPT = "incongruence_stories.csv", "incongruence_stories.npz"
@@ -71,16 +71,16 @@ class Stories:
 def tell(trained: Trained, samples: Samples, index: int, films, seed: int = 0) -> Stories:
     """Ask a model for all four signals of one sample, under every condition."""
     source, rows, motions = Source(trained.dataset(samples)), [], []
-    means = followed.Motions(samples, trained.scaling)
+    means = answer_source.Motions(samples, trained.scaling)
     for condition in (c for signal in EXTRA_INPUT for c in conditions(signal)):
         signal, place, aspects = condition
         # all test clips are drawn for, as in the table; only this one is asked
         (extra,) = _drawn(samples, index, condition, seed)
         answer = respond_under(trained, source, [index], condition, extra=[extra])
-        ((what, distance),) = followed.told_by(answer, samples, [index], signal, means)
-        (within,) = followed.within([(what, distance)], means.reach)
-        truth = followed.truth_of(samples, index, signal)
-        distractor = followed.distractor_of(samples, index, extra, condition)
+        ((what, distance),) = answer_source.told_by(answer, samples, [index], signal, means)
+        (within,) = answer_source.within([(what, distance)], means.reach)
+        truth = answer_source.truth_of(samples, index, signal)
+        distractor = answer_source.distractor_of(samples, index, extra, condition)
         words = signal in ANSWERS_WORDS
         told = sentences(answer)[0] if words else f"{what.action} the {what.cube} cube {what.speed}"
         rows.append({
@@ -89,7 +89,7 @@ def tell(trained: Trained, samples: Samples, index: int, films, seed: int = 0) -
             "sentence": extra if EXTRA_INPUT[signal] == "language" else "",
             "clip": extra if EXTRA_INPUT[signal] == "action" else -1,
             "answer": told, "distance": round(distance, 2),
-            "follows": followed.follows(within, truth, distractor),
+            "follows": answer_source.follows(within, truth, distractor),
             "track": -1 if words else len(motions),
         })  # fmt: skip
         if not words:
@@ -152,7 +152,7 @@ def main(arguments: list[str] | None = None) -> int:
             if options.store:
                 artefacts.register(
                     f"results/{path.name}",
-                    command="python -m ptae_lite.studies.stories --store",
+                    command="python -m ptae_lite.experiments.conflict_examples --store",
                     seed=0,
                     minutes=(time.perf_counter() - begun) / 60,
                 )

@@ -1,7 +1,7 @@
 """Which recipe serves few labels best? Scored on held-out training patterns, never on the test.
 
 PTAE with a tenth of the labels is trained on the patterns of the split `fit`, by the recipe of
-`studies.supervision` and by others that differ from it in one choice. With one seed all of them
+`experiments.supervision` and by others that differ from it in one choice. With one seed all of them
 have the same labelled samples.
 """
 
@@ -15,8 +15,8 @@ import pandas as pd
 
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ConfigError
-from ptae_lite.studies import supervision, tables
-from ptae_lite.studies.supervision import Job
+from ptae_lite.experiments import supervision, tables
+from ptae_lite.experiments.supervision import Job
 from ptae_lite.training import RECIPES
 
 SHARE = 10  # percent of the samples that have a label: of 552, 56

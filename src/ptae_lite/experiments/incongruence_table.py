@@ -22,12 +22,8 @@ import pandas as pd
 from ptae_lite.dataset import Samples
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.evaluation import correct, nrmse, poses
-from ptae_lite.models import checkpoint
-from ptae_lite.models.checkpoint import Trained
-from ptae_lite.models.ptae import PTAEConfig
-from ptae_lite.signals import Source
-from ptae_lite.studies import followed, tables
-from ptae_lite.studies.incongruence import (
+from ptae_lite.experiments import answer_source, tables
+from ptae_lite.experiments.incongruence import (
     ANSWERS_WORDS,
     EXTRA_INPUT,
     Condition,
@@ -35,6 +31,10 @@ from ptae_lite.studies.incongruence import (
     extra_inputs,
     respond_under,
 )  # fmt: skip
+from ptae_lite.models import checkpoint
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.models.ptae import PTAEConfig
+from ptae_lite.signals import Source
 from ptae_lite.training import RECIPES, Recipe, train
 
 FILE = "incongruence.csv"
@@ -59,7 +59,7 @@ MODELS = {
 
 def score(
     trained: Trained, source: Source, indices, condition: Condition, seed: int,
-    motions: followed.Motions,
+    motions: answer_source.Motions,
 ) -> dict:  # fmt: skip
     """Accuracy, or NRMSE by the paper's definition and over valid frames; and who is followed.
 
@@ -68,12 +68,12 @@ def score(
     samples, signal = source.dataset.samples, condition.signal
     extra = extra_inputs(samples, indices, condition, seed)
     answer = respond_under(trained, source, indices, condition, extra=extra)
-    truth = [followed.truth_of(samples, i, signal) for i in indices.tolist()]
+    truth = [answer_source.truth_of(samples, i, signal) for i in indices.tolist()]
     distractor = [
-        followed.distractor_of(samples, i, one, condition)
+        answer_source.distractor_of(samples, i, one, condition)
         for i, one in zip(indices.tolist(), extra, strict=True)
     ]
-    told = followed.told_by(answer, samples, indices, signal, motions)
+    told = answer_source.told_by(answer, samples, indices, signal, motions)
     columns = dict.fromkeys(("accuracy", "nrmse", "nrmse_valid", "nearest_truth"), float("nan"))
     if signal in ANSWERS_WORDS:
         columns["accuracy"] = 100 * float(correct(answer, samples, indices).mean())
@@ -82,7 +82,9 @@ def score(
         columns["nrmse"], columns["nrmse_valid"] = error
         nearest = [what == true for (what, _), true in zip(told, truth, strict=True)]
         columns["nearest_truth"] = 100 * float(np.mean(nearest))
-    return columns | followed.shares(followed.within(told, motions.reach), truth, distractor)
+    return columns | answer_source.shares(
+        answer_source.within(told, motions.reach), truth, distractor
+    )
 
 
 def run(
@@ -91,7 +93,7 @@ def run(
 ) -> pd.DataFrame:  # fmt: skip
     """One model under all conditions, or some; `seed` is that of the draws."""
     source, indices = Source(trained.dataset(samples)), samples.split(split)
-    motions = followed.Motions(samples, trained.scaling)
+    motions = answer_source.Motions(samples, trained.scaling)
     rows = []
     for condition in wanted:
         signal, place, aspects = condition
