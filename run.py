@@ -2,7 +2,8 @@
 """Make the environment in .venv/, then do one job of the book.
 
     python3 run.py book               run every chapter and build the site into build/html
-    python3 run.py test [-- ARGS]     the book, unit tests, every notebook; or pytest with ARGS
+    python3 run.py test [--all]       unit tests and every notebook; all: the browser and more
+    python3 run.py test -- ARGS       pytest with ARGS
     python3 run.py lab [-- ARGS]      open the chapters in JupyterLab (ARGS go to it)
     python3 run.py notebooks [NAME]   write the .ipynb twins of the chapters, with their outputs
     python3 run.py doctor             what is wrong here, and the command that mends it
@@ -24,13 +25,19 @@ import shutil
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
+from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent
 STAMP = Path(".venv", "installed.sha256")  # which environment.txt the .venv/ was made from
 MINIMUM = (3, 11)
 NEEDED_GB = 6  # PyTorch with its CUDA libraries, and as much again while pip unpacks it
 TIERS = ("replay", "quick", "full")
+EXTRAS = ("bert", "cluster", "course")  # of pyproject.toml, what some of all tests need
+EXTRAS_STAMP = Path(".venv", "extras.sha256")
+NOT_QUICK = ("browser", "stops", "slow", "extras")  # markers of tests that only --all runs
+WORKERS = 8  # at most: each takes half a GB, and the longest file decides how long it takes
 FIND_PYBULLET = "import importlib.util as u, sys; sys.exit(u.find_spec('pybullet') is None)"
 NO_PYBULLET = (
     "Note: nothing can be recorded or acted out here, because PyBullet has wheels for Python 3.11 "
@@ -94,15 +101,16 @@ def is_installed(root: Path = ROOT) -> bool:
     return stamp.exists() and stamp.read_text(encoding="utf-8") == fingerprint(root)
 
 
-def install_commands(python: Path, uv: str | None) -> list:
-    installer = [str(python), "-m", "pip", "install", "--disable-pip-version-check"]
+def installer(python: Path, uv: str | None) -> list:
     if uv:
-        installer = [uv, "pip", "install", "--python", str(python)]
+        return [uv, "pip", "install", "--python", str(python)]
+    return [str(python), "-m", "pip", "install", "--disable-pip-version-check"]
+
+
+def install_commands(python: Path, uv: str | None) -> list:
+    install = installer(python, uv)
     # The package itself comes without dependencies: environment.txt has pinned them all.
-    return [
-        [*installer, "--quiet", "-r", "environment.txt"],
-        [*installer, "--quiet", "--no-deps", "-e", "."],
-    ]
+    return [[*install, "-r", "environment.txt"], [*install, "--no-deps", "-e", "."]]
 
 
 def child_environment(environ: dict, tier: str | None = None) -> dict:
@@ -118,14 +126,33 @@ def child_environment(environ: dict, tier: str | None = None) -> dict:
     return child
 
 
-def call(command: list, env: dict) -> int:
-    """Run a command in the repository and wait for it; Ctrl-C is the child's to answer."""
-    process = subprocess.Popen([str(part) for part in command], cwd=ROOT, env=env)
+def call(command: list, env: dict, **streams) -> int:
+    """Run a command in the repository and wait for it; Ctrl-C is the child's to answer.
+
+    Where a log is its output, a terminal shows how long it has been at work.
+    """
+    clock, start = "stdout" in streams and sys.stdout.isatty(), time.monotonic()
+    process = subprocess.Popen([str(part) for part in command], cwd=ROOT, env=env, **streams)
     while True:
         try:
-            return process.wait()
+            status = process.wait(timeout=1 if clock else None)
         except KeyboardInterrupt:
             continue  # JupyterLab asks whether to stop; pytest and Sphinx end by themselves
+        except subprocess.TimeoutExpired:
+            print(f"\r{time.monotonic() - start:.0f} s ...", end="", flush=True)
+            continue
+        if clock:
+            print("\r          \r", end="", flush=True)
+        return status
+
+
+@contextmanager
+def log(name: str):
+    """A new file build/logs/NAME.log, for what is of no use to a reader unless it fails."""
+    path = ROOT / "build" / "logs" / f"{name}.log"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("wb") as file:
+        yield file
 
 
 def ensure_environment(env: dict, root: Path = ROOT) -> Path:
@@ -135,9 +162,13 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
         check_venv_modules()
         check_disk(shutil.disk_usage(root).free)
         say("Making the virtual environment .venv/ ...")
-        if call([sys.executable, "-m", "venv", root / ".venv"], env):
+        with log("venv") as file:
+            failed = call(
+                [sys.executable, "-m", "venv", root / ".venv"], env, stdout=file, stderr=file
+            )
+        if failed:
             shutil.rmtree(root / ".venv", ignore_errors=True)  # half of one would be taken for one
-            raise Stop("The virtual environment could not be made; the messages above say why.")
+            raise Stop("The virtual environment could not be made; build/logs/venv.log says why.")
     version = venv_version(root)
     check_python(version, "the one in .venv/ (delete that folder to have it made anew)")
     if is_installed(root):
@@ -146,10 +177,10 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
     say(f"Installing environment.txt with {'uv' if uv else 'pip'} (minutes, the first time) ...")
     start = time.monotonic()
     (root / STAMP).unlink(missing_ok=True)  # until the end, nothing is known to be installed
-    for command in install_commands(python, uv):
-        if call(command, env):
+    with log("install") as file:
+        if any(call(c, env, stdout=file, stderr=file) for c in install_commands(python, uv)):
             raise Stop(
-                "The packages could not be installed; the messages above say why, the job "
+                "The packages could not be installed; build/logs/install.log says why, the job "
                 "`doctor` whether they can be here, and the same command tries again."
             )
     (root / STAMP).write_text(fingerprint(root), encoding="utf-8")
@@ -165,21 +196,80 @@ def book(python: Path, env: dict, args: argparse.Namespace) -> int:
     return 1 if call([python, "-m", "ptae_lite.book.site"], env) else 0
 
 
+def ensure_extras(python: Path, env: dict, root: Path = ROOT) -> None:
+    """Install what the extras bring into .venv/ too; what environment.txt pins stays as it is."""
+    import tomllib  # not in the old Pythons that get as far as check_python
+
+    stamp = root / EXTRAS_STAMP
+    if stamp.exists() and stamp.read_text(encoding="utf-8") == fingerprint(root):
+        return
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [one for extra in EXTRAS for one in project["optional-dependencies"][extra]]
+    say(f"Installing {', '.join(wanted)} into .venv/, for the tests of the extras ...")
+    command = [*installer(python, shutil.which("uv")), "-c", "environment.txt", *wanted]
+    with log("extras") as file:
+        if call(command, env, stdout=file, stderr=file):
+            say("They could not be installed (build/logs/extras.log); their tests are skipped.")
+            return
+    stamp.write_text(fingerprint(root), encoding="utf-8")
+
+
+def cores() -> int:
+    usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
+    return len(usable(0))
+
+
+def phases(everything: bool) -> dict:
+    """What is told to pytest for each group of tests, in the order in which they run."""
+    # The tests of a file share what is costly, the cells of a notebook a kernel: one worker's.
+    together, names = ["--dist", "loadfile"], [f"not {name}" for name in NOT_QUICK]
+    nbval = ["--nbval-lax", "--nbval-cell-timeout=300"]
+    found = {"unit tests": ["-m", "not browser" if everything else " and ".join(names), *together]}
+    if everything:  # pages are looked at one by one, by the worker that is free
+        found["pages in a browser"] = ["-m", "browser", "--dist", "worksteal"]
+    return found | {"cells of notebooks": [*nbval, *together, "book"]}
+
+
 def test(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """The book, unit tests and pages in a browser, every notebook; with ARGS those tests alone."""
-    pytest = [python, "-m", "pytest", "--durations=10", "-rs"]  # with the reason of each skip
-    units = [*pytest, "--junitxml=build/junit-unit.xml", *args.extra]
+    """Unit tests, then every notebook; with --all also what takes longer; or pytest with ARGS."""
+    pytest = [python, "-m", "pytest", "-rs"]  # with the reason of each skip
     if args.extra:
-        return 1 if call(units, env) else 0
-    results = {"book": book(python, env, args)}  # first: the browser looks at what it built
-    results["unit tests"] = call(units, env)
-    # loadfile: the cells of one notebook share a kernel, so they must stay with one worker.
-    nbval = ["--nbval-lax", "--nbval-cell-timeout=300", "-n", "2", "--dist", "loadfile"]
-    notebooks = [*pytest, *nbval, "--junitxml=build/junit-notebooks.xml", "book"]
-    results["notebooks"] = call(notebooks, env)
-    for name, status in results.items():
-        say(f"{name}: {'passed' if status == 0 else 'FAILED'}")
-    return 1 if any(results.values()) else 0
+        return 1 if call([*pytest, "--junitxml=build/junit.xml", *args.extra], env) else 0
+    start, results = time.monotonic(), {}
+    pytest += ["-q", "--no-header", "--tb=short", "-n", min(cores(), WORKERS)]
+    if args.all:
+        ensure_extras(python, env)
+        results["book"] = (book(python, env, args), "")  # first: the browser looks at what it built
+    for name, options in phases(args.all).items():
+        file = name.split()[0]
+        junit = ROOT / "build" / f"junit-{file}.xml"
+        junit.unlink(missing_ok=True)  # of an earlier run
+        say(f"\n{name.capitalize()} ...")
+        with log(file) as errors:  # kernels and workers say there what concerns no reader
+            status = call([*pytest, f"--junitxml={junit}", *options], env, stderr=errors)
+        results[name] = (status, counts(junit) or f"see build/logs/{file}.log")
+    failed = any(status for status, _ in results.values())
+    say(f"\n{'FAILED' if failed else 'Passed'} in {(time.monotonic() - start) / 60:.1f} min: "
+        + "; ".join(f"{name} {'FAILED ' * bool(status)}{said}".strip()
+                    for name, (status, said) in results.items())
+        + ("." if args.all else f". Left out: tests marked {', '.join(NOT_QUICK)}; "
+           f"{starter()} test --all runs them, too."))  # fmt: skip
+    return 1 if failed else 0
+
+
+def counts(junit: Path) -> str:
+    """How many tests a file of results tells of; nothing where pytest did not come to its end."""
+    if not junit.exists():
+        return ""
+    suite = next(ElementTree.parse(junit).iter("testsuite")).attrib
+    failed, skipped = int(suite["failures"]) + int(suite["errors"]), int(suite["skipped"])
+    ran = int(suite["tests"]) - skipped
+    parts = {"failed": failed, "passed": ran - failed, "skipped": skipped}
+    return ", ".join(f"{count} {what}" for what, count in parts.items() if count)
+
+
+def starter() -> str:
+    return "py run.py" if os.name == "nt" else "python3 run.py"
 
 
 def lab(python: Path, env: dict, args: argparse.Namespace) -> int:
@@ -240,6 +330,8 @@ def parse(argv: list) -> argparse.Namespace:
         sub.set_defaults(run=job, tier=None)
         if job in (book, test):
             sub.add_argument("--tier", choices=TIERS, help="stored results, short or full runs")
+        if job is test:
+            sub.add_argument("--all", action="store_true", help="browser, kills, extras, all else")
         if job is notebooks:
             sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
         if job is certify:
@@ -259,6 +351,8 @@ def parse(argv: list) -> argparse.Namespace:
     args = parser.parse_args(own)
     if extra and args.run not in (test, lab):
         parser.error(f"{args.job} takes no arguments after --")
+    if extra and args.run is test and args.all:
+        parser.error("either --all or arguments after --")
     args.extra = extra
     return args
 

@@ -231,7 +231,7 @@ def test_a_choice_of_the_model_is_set_by_name(result, few_stored, small_training
         ("clock=maybe", "clock is true or false, not 'maybe'"),
         ("queries=all", "queries is 'all'; it can be language, action, both"),
         ("hidden=0", "hidden is 0; it must be 1 or more"),
-        ("language_encoder=bert", "holds no BERT"),
+        pytest.param("language_encoder=bert", "holds no BERT", marks=pytest.mark.extras),
     ],
 )
 def test_a_wrong_choice_is_refused(refusal, few_stored, tmp_path, setting, message):

@@ -14,6 +14,7 @@ from ptae_lite.experiments.supervision import Job
 from ptae_lite.training import Recipe
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+pytestmark = pytest.mark.extras
 JOBS = [Job("ptae", "samples", "balanced", share, 0) for share in (50, 25)]
 
 

@@ -575,6 +575,7 @@ def nbgrader(folder, *arguments):
     return done.stdout + done.stderr, done.returncode
 
 
+@pytest.mark.extras
 @needs_nbgrader
 def test_nbgrader_makes_the_students_version_from_the_instructors(tmp_path):
     course.write(tmp_path / "made", FOLDER)
@@ -592,6 +593,7 @@ def test_nbgrader_makes_the_students_version_from_the_instructors(tmp_path):
         assert [c.source for c in ours] == [c.source for c in theirs]
 
 
+@pytest.mark.extras
 @needs_nbgrader
 def test_nbgrader_validates_answers_and_counts_stubs_as_failed(tmp_path):
     course.write(tmp_path / "made", FOLDER)

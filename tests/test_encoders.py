@@ -93,6 +93,7 @@ def test_repeat_both_is_drawn_where_it_is_chosen(tiny):
     assert all("repeat both" not in group for group in tiny.mix.regular)
 
 
+@pytest.mark.extras
 def test_bert_gives_a_row_a_token(bert):
     encoder = language_encoder("bert", 0, bert)
     describe, execute = (signal_index(signal) for signal in SIGNALS[:2])
@@ -112,6 +113,7 @@ def test_bert_gives_a_row_a_token(bert):
     assert not list(encoder.parameters()) and encoder.size == len(TOKENS) + 16
 
 
+@pytest.mark.extras
 def test_a_model_with_bert_is_trained_and_comes_back(bert, few, tiny, tmp_path):
     config = replace(tiny, language_encoder="bert", bert=bert)
     trained = train(few, Recipe(epochs=1, batch=8), config=config)
@@ -120,6 +122,7 @@ def test_a_model_with_bert_is_trained_and_comes_back(bert, few, tiny, tmp_path):
     assert not [name for name in trained.model.state_dict() if "bert" in name.lower()]
 
 
+@pytest.mark.extras
 def test_a_folder_without_a_bert_is_refused(bert, tiny, tmp_path):
     for folder in ("", str(tmp_path)):
         with pytest.raises(ConfigError, match="holds no BERT .no config.json.; set `bert` to a"):
@@ -133,6 +136,7 @@ def test_without_the_extra_one_sentence_says_what_to_do(tiny, tmp_path, monkeypa
         PTAE(replace(tiny, language_encoder="bert", bert=str(tmp_path)))
 
 
+@pytest.mark.extras
 def test_a_broken_bert_is_refused(bert, tiny, tmp_path):
     (tmp_path / "config.json").write_text("{}")
     with pytest.raises(ConfigError, match="cannot be read"):

@@ -18,6 +18,7 @@ from pages import ROOT, SHOTS, chromium, until
 
 from ptae_lite.book import notebooks
 
+pytestmark = pytest.mark.browser
 TOKEN = "reader"
 SETTINGS = "@jupyterlab/apputils-extension/notification.jupyterlab-settings"
 RUN_S = 480  # for a chapter

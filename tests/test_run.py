@@ -3,6 +3,7 @@
 import importlib.util
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -29,7 +30,7 @@ def calls(monkeypatch, root):
     """The commands that would have run; each succeeds, and making the .venv/ makes it."""
     commands = []
 
-    def call(command, env):
+    def call(command, env, **streams):
         commands.append([str(part) for part in command])
         if "venv" in commands[-1]:
             run.venv_python(root).parent.mkdir(parents=True)
@@ -106,7 +107,7 @@ def test_a_failed_installation_is_tried_again(calls, root, monkeypatch):
     assert run.is_installed(root)
     before = (root / "environment.txt").read_text()
     (root / "environment.txt").write_text("numpy==2.0\n")
-    monkeypatch.setattr(run, "call", lambda command, env: 1)
+    monkeypatch.setattr(run, "call", lambda command, env, **streams: 1)
     with pytest.raises(run.Stop, match="could not be installed"):
         run.ensure_environment({}, root)
     (root / "environment.txt").write_text(before)  # what is installed now may be a mixture
@@ -114,7 +115,7 @@ def test_a_failed_installation_is_tried_again(calls, root, monkeypatch):
 
 
 def test_half_an_environment_is_not_kept(calls, root, monkeypatch):
-    monkeypatch.setattr(run, "call", lambda command, env: 1)
+    monkeypatch.setattr(run, "call", lambda command, env, **streams: 1)
     with pytest.raises(run.Stop, match="could not be made"):
         run.ensure_environment({}, root)
     assert not (root / ".venv").exists()
@@ -148,7 +149,7 @@ def test_what_is_missed_without_pybullet_is_said(there, calls, root, monkeypatch
     if there:
         (tmp_path / "pybullet.py").write_text("1 / 0")  # it is looked for, and not imported
 
-    def call(command, env):
+    def call(command, env, **streams):
         if run.FIND_PYBULLET not in command:
             return 0
         bare = [sys.executable, "-I", "-S", "-c", "import sys; sys.path.append(sys.argv[1]); "]
@@ -192,7 +193,9 @@ def test_children_get_fixed_settings():
 
 @pytest.mark.parametrize(("status", "ends"), [(0, 0), (2, 1), (-9, 1)])
 def test_the_book_is_built_by_the_environment(status, ends, calls, monkeypatch, capsys):
-    monkeypatch.setattr(run, "call", lambda command, env: calls.append(command) or status)
+    monkeypatch.setattr(
+        run, "call", lambda command, env, **streams: calls.append(command) or status
+    )
     assert run.book("py", {"PTAE_TIER": "quick"}, None) == ends
     assert calls == [["py", "-m", "ptae_lite.book.site"]]
     assert "tier quick" in capsys.readouterr().out
@@ -234,22 +237,77 @@ def test_a_full_rerun_hands_its_options_on(calls):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("site", [0, 1])
-@pytest.mark.parametrize("units", [0, 1])
-@pytest.mark.parametrize("books", [0, 5])  # 5: no test was found
-def test_all_phases_run_and_any_can_fail(site, units, books, calls, monkeypatch, capsys):
-    def pytest_call(command, env):
-        calls.append(command)
-        return books if "--nbval-lax" in command else units
+JUNIT = (
+    '<testsuites><testsuite errors="1" failures="{failures}" skipped="3" tests="20"/></testsuites>'
+)
 
-    monkeypatch.setattr(run, "call", pytest_call)
-    monkeypatch.setattr(run, "book", lambda python, env, args: calls.append(["book"]) or site)
-    assert run.test("py", {}, run.parse(["test"])) == int(bool(site or units or books))
-    assert len(calls) == 3 and calls[0] == ["book"]
-    for name, command in zip(("unit", "notebooks"), calls[1:], strict=True):
-        assert f"--junitxml=build/junit-{name}.xml" in command
-        assert "--durations=10" in command
-    assert capsys.readouterr().out.count("FAILED") == bool(site) + bool(units) + bool(books)
+
+@pytest.fixture
+def phases(calls, monkeypatch):
+    """A function: how pytest ends in each phase; those that it ran are in `calls`."""
+
+    def end(units=0, pages=0, cells=0, site=0):
+        def pytest_call(command, env, **streams):
+            calls.append([str(part) for part in command])
+            (junit,) = (part.split("=")[1] for part in calls[-1] if part.startswith("--junitxml"))
+            status = cells if "--nbval-lax" in command else pages if "browser" in command else units
+            if status != 4:  # 4: pytest did not come to its end
+                Path(junit).write_text(JUNIT.format(failures=status))
+            return status
+
+        monkeypatch.setattr(run, "call", pytest_call)
+        monkeypatch.setattr(run, "book", lambda *_: calls.append(["book"]) or site)
+        monkeypatch.setattr(run, "ensure_extras", lambda *_: calls.append(["extras"]))
+
+    return end
+
+
+@pytest.mark.parametrize("units", [0, 1])
+@pytest.mark.parametrize("cells", [0, 5])  # 5: no test was found
+def test_the_quick_tests_need_no_site_and_end_in_a_line(units, cells, calls, phases, capsys):
+    phases(units, cells=cells)
+    assert run.test("py", {}, run.parse(["test"])) == int(bool(units or cells))
+    assert len(calls) == 2
+    marks = calls[0][calls[0].index("-m", 3) + 1].split(" and ")
+    assert marks == [f"not {name}" for name in run.NOT_QUICK]
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("FAILED" if units or cells else "Passed")
+    assert last.count("FAILED ") == bool(units or cells) + bool(units) + bool(cells)
+    assert "16 passed" in last or units and cells
+    assert "test --all" in last and all(name in last for name in run.NOT_QUICK)
+
+
+@pytest.mark.parametrize("wrong", [{}, {"site": 1}, {"units": 1}, {"pages": 4}, {"cells": 1}])
+def test_all_of_it_runs_and_each_phase_can_fail(wrong, calls, phases, capsys):
+    phases(**wrong)
+    assert run.test("py", {}, run.parse(["test", "--all"])) == bool(wrong)
+    assert calls[:2] == [["extras"], ["book"]] and len(calls) == 5
+    left = [command[command.index("-m", 3) + 1] for command in calls[2:4]]
+    assert left == ["not browser", "browser"]  # together all there are
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert ("FAILED" in last) == bool(wrong) and "Left out" not in last
+    assert ("logs" in last) == ("pages" in wrong)
+
+
+def test_the_markers_are_those_of_the_project():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    markers = [line.split(":")[0] for line in project["tool"]["pytest"]["ini_options"]["markers"]]
+    assert markers == list(run.NOT_QUICK)
+    assert set(run.EXTRAS) < set(project["project"]["optional-dependencies"])
+
+
+def test_extras_are_installed_once_and_change_nothing_pinned(calls, root, monkeypatch, capsys):
+    python = run.venv_python(root)
+    text = '[project.optional-dependencies]\nbert = ["a==1"]\ncluster = ["b==2"]\ncourse = []\n'
+    (root / "pyproject.toml").write_text(text)
+    monkeypatch.setattr(run, "call", lambda *_, **__: 1)
+    run.ensure_extras(python, {}, root)
+    assert str(Path("build", "logs", "extras.log")) in capsys.readouterr().out
+    monkeypatch.setattr(run, "call", lambda command, *_, **__: calls.append(command) or 0)
+    for _ in range(2):
+        run.ensure_extras(python, {}, root)
+    (command,) = calls
+    assert command[-4:] == ["-c", "environment.txt", "a==1", "b==2"]
 
 
 @pytest.mark.parametrize("status", [0, 5])
@@ -283,7 +341,14 @@ def test_arguments(capsys):
     assert run.parse(["book", "--tier", "full"]).tier == "full"
     assert run.parse(["book"]).tier is None
     assert run.parse(["notebooks", "01_simulation"]).names == ["01_simulation"]
-    for wrong in (["book", "--tier", "slow"], ["bok"], [], ["book", "--", "-k"]):
+    assert run.parse(["test", "--all"]).all
+    for wrong in (
+        ["test", "--all", "--", "-k", "x"],
+        ["book", "--tier", "slow"],
+        ["bok"],
+        [],
+        ["book", "--", "-k"],
+    ):
         with pytest.raises(SystemExit):
             run.parse(wrong)
 
@@ -291,3 +356,15 @@ def test_arguments(capsys):
 def test_a_child_gets_the_environment_and_gives_its_status():
     code = "import os, sys; sys.exit(int(os.environ['STATUS']))"
     assert run.call([sys.executable, "-c", code], {"STATUS": "3", "SYSTEMROOT": "C:\\Windows"}) == 3
+
+
+def test_what_goes_to_a_log_is_not_shown_but_a_clock_in_a_terminal(root, monkeypatch, capfd):
+    monkeypatch.setattr(run, "ROOT", root)
+    code = "import time; print('noise', flush=True); time.sleep(1.2)"
+    for terminal in (False, True):
+        monkeypatch.setattr(sys.stdout, "isatty", lambda terminal=terminal: terminal)
+        with run.log("job") as file:
+            run.call([sys.executable, "-c", code], run.os.environ, stdout=file, stderr=file)
+        assert (root / "build" / "logs" / "job.log").read_text().split() == ["noise"]
+        shown = capfd.readouterr().out
+        assert "noise" not in shown and "\n" not in shown and bool(shown) is terminal

@@ -25,7 +25,7 @@ SOURCE = ROOT / "src" / "ptae_lite"
 
 @pytest.fixture(autouse=True)
 def site(request):
-    if "name" in request.fixturenames or request.node.get_closest_marker("built"):
+    if request.node.get_closest_marker("browser"):
         reason = stale()
         if reason:
             pytest.skip(reason)
@@ -78,12 +78,14 @@ def dead_links(name: str, links: list, root: Path = SITE) -> list:
     return dead
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize("name", PAGES)
 def test_no_link_is_dead(name):
     links = set(page(name).links) | {what for *_, what in page(name).loads}
     assert dead_links(name, sorted(links - {"#"})) == []
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize("name", PAGES)
 def test_nothing_is_loaded_from_elsewhere(name):
     for tag, rel, what in page(name).loads:
@@ -93,6 +95,7 @@ def test_nothing_is_loaded_from_elsewhere(name):
         assert not what.startswith("//")
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize("name", PAGES)
 def test_every_picture_has_a_text(name):
     missing = [
@@ -105,19 +108,19 @@ def test_every_picture_has_a_text(name):
     assert files == []  # a file's name is no text
 
 
-@pytest.mark.built
+@pytest.mark.browser
 def test_style_sheets_load_nothing_from_elsewhere():
     for path in SITE.rglob("*.css"):
         assert not re.findall(r"url\(\s*[\"']?(?:https?:)?//", path.read_text(encoding="utf-8"))
 
 
-@pytest.mark.built
+@pytest.mark.browser
 def test_the_site_is_small():
     megabytes = sum(path.stat().st_size for path in SITE.rglob("*") if path.is_file()) / 1e6
     assert 1 < megabytes < 30
 
 
-@pytest.mark.built
+@pytest.mark.browser
 @pytest.mark.parametrize("md", notebooks.chapters(BOOK), ids=lambda md: md.stem)
 def test_a_chapter_can_be_downloaded_as_a_notebook(md):
     twin = SITE / "_sources" / f"{md.stem}.ipynb"
@@ -125,7 +128,7 @@ def test_a_chapter_can_be_downloaded_as_a_notebook(md):
     assert any(link.endswith(f"_sources/{md.stem}.ipynb") for link in page(f"{md.stem}.html").links)
 
 
-@pytest.mark.built
+@pytest.mark.browser
 @pytest.mark.parametrize("md", notebooks.chapters(BOOK), ids=lambda md: md.stem)
 def test_a_chapter_sets_apart_what_it_takes_and_links_to_the_others(md):
     html = (SITE / f"{md.stem}.html").read_text("utf-8")
@@ -138,7 +141,7 @@ def test_a_chapter_sets_apart_what_it_takes_and_links_to_the_others(md):
     assert named <= linked | {n for n in named if not any(o.startswith(n) for o in others)}
 
 
-@pytest.mark.built
+@pytest.mark.browser
 def test_the_front_page_lists_every_chapter_with_what_it_takes():
     text = " ".join(" ".join(page("index.html").text).split())
     for number, one in enumerate(contents.Contents(BOOK).chapters, start=1):
@@ -147,7 +150,7 @@ def test_the_front_page_lists_every_chapter_with_what_it_takes():
         assert path in text
 
 
-@pytest.mark.built
+@pytest.mark.browser
 def test_figures_of_the_chapters_are_vectors():
     """Photographs stay bitmaps, and so do the few figures that consist of them."""
     kinds = [path.suffix for path in (SITE / "_images").iterdir()]

@@ -22,6 +22,7 @@ from pages import (
 from ptae_lite import dataset
 from ptae_lite.widgets import scene3d
 
+pytestmark = pytest.mark.browser
 PAGES = page_names()
 SCENE = 'iframe[data-ptae-embed="scene"]'
 PANEL = '[data-ptae-embed="panel"]'

@@ -29,7 +29,10 @@ from watch import (
 
 from ptae_lite import artefacts
 
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="signals to a process group are Unix's")
+pytestmark = [
+    pytest.mark.stops,
+    pytest.mark.skipif(os.name == "nt", reason="signals to a process group are Unix's"),
+]
 TRAINING = ("command", "train", "ptae", "--set", "hidden=16", "--set", "heads=2",
             "--set", "feed_forward=32", "--set", "decoder_units=12", "--epochs", "4",
             "--out")  # fmt: skip
