@@ -36,7 +36,7 @@ ENCODED = 300  # images in one repeat
 
 
 def stored_images(count: int):
-    from ptae_lite import frames
+    from ptae_lite.data import frames
 
     keys = frames.stored_keys()
     return frames.images(keys[:: len(keys) // count][:count])
@@ -67,7 +67,8 @@ def recording(options) -> list[Row]:
 
 
 def cae(options) -> list[Row]:
-    from ptae_lite import frames, vision
+    from ptae_lite import vision
+    from ptae_lite.data import frames
 
     row, times = Row("training the channel-separated CAE, 2 threads", 12), []
     recipe, train = vision.EyeRecipe(), partial(vision.train_eye, vision.make_eye("separated"))
@@ -131,12 +132,13 @@ def features(options) -> list[Row]:
 
 
 def ptae(options) -> list[Row]:
-    from ptae_lite import artefacts, dataset, training
+    from ptae_lite import artefacts, training
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.errors import ArtefactError
     from ptae_lite.evaluation import evaluate
     from ptae_lite.models import checkpoint
 
-    samples, recipe, times = dataset.load(), training.RECIPES["ptae"], []
+    samples, recipe, times = load_samples(), training.RECIPES["ptae"], []
     row, right = Row("training PTAE, 1 thread", 10), Row("PTAE describes the test samples", 95, "%")
     right.at_most = False
     short = recipe if options.full else replace(recipe, epochs=REPEATS)

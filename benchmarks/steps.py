@@ -28,10 +28,10 @@ def product_rate() -> float:
 def some_batches(samples, model: str):
     """Batches as training builds them, and the same with every step of held poses."""
     from ptae_lite import training
+    from ptae_lite.data.scaling import fit_scaling, prepare
+    from ptae_lite.data.signals import STEPS as MAX_STEPS
+    from ptae_lite.data.signals import Source, build
     from ptae_lite.models.checkpoint import MODELS
-    from ptae_lite.scaling import fit_scaling, prepare
-    from ptae_lite.signals import STEPS as MAX_STEPS
-    from ptae_lite.signals import Source, build
 
     recipe, train = training.RECIPES[model], samples.split("train")
     source = Source(prepare(samples, fit_scaling(samples, train)))
@@ -47,11 +47,12 @@ def some_batches(samples, model: str):
 
 def steps(options) -> list[Row]:
     """Each model's step, as training takes it and in the readable form, in turn."""
-    from ptae_lite import dataset, training
+    from ptae_lite import training
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.models.checkpoint import MODELS
     from ptae_lite.models.common import losses
 
-    samples, rows = dataset.load(), []
+    samples, rows = load_samples(), []
     for name in ("ptae", "pgae"):
         make, config = MODELS[name]
         model = make(config(features=samples.features.shape[2]))
@@ -91,11 +92,12 @@ class Reached(Exception):
 
 def describing(options) -> list[Row]:
     """A short training on `fit`: seconds until it describes all of `held_out` right."""
-    from ptae_lite import dataset, training
+    from ptae_lite import training
+    from ptae_lite.data.samples import load_samples
+    from ptae_lite.data.signals import Source
     from ptae_lite.evaluation import correct, respond
-    from ptae_lite.signals import Source
 
-    samples, looking = dataset.load(), []
+    samples, looking = load_samples(), []
     held_out = samples.split("held_out")
     recipe = replace(training.RECIPES["ptae"], epochs=SHORT_EPOCHS)
 

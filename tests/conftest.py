@@ -45,7 +45,7 @@ def simulator():
 @pytest.fixture(scope="session")
 def samples():
     """864 made-up samples in the order of the data set: smooth joints and features."""
-    from ptae_lite.dataset import Samples
+    from ptae_lite.data.samples import Samples
     from ptae_lite.language import patterns
 
     rng = np.random.default_rng(1)
@@ -83,15 +83,15 @@ def few(samples):
 
 @pytest.fixture(scope="session")
 def scaling(samples):
-    from ptae_lite.scaling import fit_scaling
+    from ptae_lite.data.scaling import fit_scaling
 
     return fit_scaling(samples, samples.split("train"))
 
 
 @pytest.fixture(scope="session")
 def source(samples, scaling):
-    from ptae_lite.scaling import prepare
-    from ptae_lite.signals import Source
+    from ptae_lite.data.scaling import prepare
+    from ptae_lite.data.signals import Source
 
     return Source(prepare(samples, scaling))
 
@@ -130,7 +130,7 @@ def trained(few, tiny):
 @pytest.fixture
 def make_batch(source):
     """A function that wires sample numbers to one signal."""
-    from ptae_lite.signals import build, signal_number
+    from ptae_lite.data.signals import build, signal_number
 
     def make(indices, signal, alternative=0):
         count = len(indices)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples, write_features
 from ptae_lite.errors import ArtefactError, PTAEError, RecordingError
 
 COMMAND = "python -m ptae_lite record"
@@ -145,7 +146,7 @@ def write(data):
         (data / EYE_FILE).write_bytes(b"eye")
         (data / "another eye").write_bytes(eye)
         np.savez(data / "recording/samples.npz", **(arrays or recorded()))
-        dataset.write_features(
+        write_features(
             data / "recording/features.npz", np.ones((features, 30)), data / "another eye"
         )
         for name in ("recording/samples.npz", "recording/features.npz", EYE_FILE):
@@ -156,7 +157,7 @@ def write(data):
 
 def test_stored_samples_are_padded_to_100_frames(write):
     write()
-    samples = dataset.load()
+    samples = load_samples()
     assert samples.frames.tolist() == [100, 50] and samples.pattern.tolist() == [0, 72]
     assert samples.joints[0, :, 0].tolist() == list(range(100))
     assert samples.joints[1, :, 4].tolist() == [*range(100, 150), *[0] * 50]
@@ -168,7 +169,7 @@ def test_features_of_another_eye_are_refused(write):
     write(eye=b"another")
     other, ours = (hashlib.sha256(x).hexdigest()[:12] for x in (b"another", b"eye"))
     with pytest.raises(ArtefactError, match=f"made by the CAE {other}, the stored CAE is {ours}"):
-        dataset.load()
+        load_samples()
 
 
 def test_features_are_refused_where_the_manifest_names_no_eye(write, data):
@@ -177,7 +178,7 @@ def test_features_are_refused_where_the_manifest_names_no_eye(write, data):
     del entries[EYE_FILE]
     (data / "MANIFEST.json").write_text(json.dumps(entries))
     with pytest.raises(ArtefactError, match=f"no stored file '{EYE_FILE}'"):
-        dataset.load()
+        load_samples()
 
 
 @pytest.mark.parametrize("index", [144, -1])
@@ -185,7 +186,7 @@ def test_a_sample_of_a_pattern_that_does_not_exist_is_refused(write, index):
     write(arrays=recorded(pattern=np.array([0, index])))
     message = f"pattern {index} does not exist; patterns are 0 to 143; record again"
     with pytest.raises(RecordingError, match=message):
-        dataset.load()
+        load_samples()
 
 
 @pytest.mark.parametrize("name", ["joints_rad", "touched", "frames", "variation", "features"])
@@ -197,7 +198,7 @@ def test_a_recording_without_one_of_its_arrays_is_refused(write, data, name):
         np.savez(data / "recording/features.npz", eye="e")
         artefacts.register("recording/features.npz", command=COMMAND, seed=0, minutes=0, data=data)
     with pytest.raises(RecordingError, match=f"no array '{name}', so it is no recording of ours"):
-        dataset.load()
+        load_samples()
 
 
 @pytest.mark.parametrize(
@@ -218,7 +219,7 @@ def test_a_recording_without_one_of_its_arrays_is_refused(write, data, name):
 def test_arrays_that_disagree_in_length_are_refused(write, given, message):
     write(**given)
     with pytest.raises(RecordingError, match=message):
-        dataset.load()
+        load_samples()
 
 
 def test_a_folder_without_its_arrays_says_which_command_makes_them(tmp_path):
@@ -226,7 +227,7 @@ def test_a_folder_without_its_arrays_says_which_command_makes_them(tmp_path):
     (tmp_path / "recording.json").write_text(json.dumps(about))
     for name, command in (("samples.npz", "record"), ("features.npz", "features")):
         with pytest.raises(RecordingError, match=f"{name} is missing; .*ptae_lite {command}"):
-            dataset.load(tmp_path)
+            load_samples(tmp_path)
         np.savez(tmp_path / name, x=0)
 
 
@@ -237,7 +238,7 @@ def test_a_folder_with_a_damaged_file_is_refused(tmp_path, content):
     (tmp_path / "samples.npz").write_bytes(content)
     np.savez(tmp_path / "features.npz", features=np.ones((1, 30)), eye="e")
     with pytest.raises(PTAEError, match="samples.npz is damaged"):
-        dataset.load(tmp_path)
+        load_samples(tmp_path)
 
 
 def test_every_stored_file_is_whole_and_every_file_is_in_the_manifest():

@@ -9,12 +9,14 @@ import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import authors, dataset, splits, training
+from ptae_lite import training
+from ptae_lite.data import authors, splits
+from ptae_lite.data.samples import load_authors, load_samples
+from ptae_lite.data.scaling import HALF_WHITE, fit_scaling
 from ptae_lite.errors import ConfigError, RecordingError
 from ptae_lite.evaluation import nrmse
 from ptae_lite.language import COLOURS, MEANINGS, VOCABULARY, alternatives, encode, patterns
 from ptae_lite.models import PTAEConfig, checkpoint
-from ptae_lite.scaling import HALF_WHITE, fit_scaling
 
 RECORDINGS = ("201207", "201223")  # two of their six
 SMALL = PTAEConfig(features=30, hidden=16, heads=2, feed_forward=32, decoder_units=12)
@@ -119,7 +121,7 @@ def number(line_number, place, text):
 
 
 def test_the_whole_folder_is_read_in_the_order_of_our_recording(whole):
-    samples = dataset.load(whole)
+    samples = load_samples(whole)
     np.testing.assert_array_equal(samples.pattern, np.repeat(np.arange(144), 2))
     np.testing.assert_array_equal(samples.variation, np.tile([0, 1], 144))
     assert samples.joints.shape == (288, 100, 5) and samples.features.shape == (288, 100, 30)
@@ -138,7 +140,7 @@ def test_the_whole_folder_is_read_in_the_order_of_our_recording(whole):
 
 
 def test_the_whole_folder_has_the_papers_split(whole):
-    samples = dataset.load_authors(whole)
+    samples = load_authors(whole)
     sizes = {name: len(samples.split(name)) for name in splits.SPLITS}
     assert sizes == {"train": 216, "test": 72, "held_out": 32, "fit": 184}
     assert {patterns()[i].split for i in samples.pattern[samples.split("test")]} == {"test"}
@@ -146,8 +148,8 @@ def test_the_whole_folder_has_the_papers_split(whole):
 
 def test_the_training_part_alone_needs_a_holdout(training_part):
     with pytest.raises(RecordingError, match="has no test part .* with --holdout N"):
-        dataset.load(training_part)
-    samples = dataset.load(training_part, holdout=12)
+        load_samples(training_part)
+    samples = load_samples(training_part, holdout=12)
     assert len(samples.joints) == 216 and samples.holdout == 12
     aside = samples.pattern[samples.split("test")]
     assert len(aside) == 24 and set(aside) == set(splits.holdout_patterns(12))
@@ -160,18 +162,18 @@ def test_the_training_part_alone_needs_a_holdout(training_part):
 @pytest.mark.parametrize("data", ["whole", "recording"])
 def test_data_with_a_test_part_take_no_holdout(whole, data):
     with pytest.raises(ConfigError, match="leave --holdout out"):
-        dataset.load(whole if data == "whole" else data, holdout=3)
+        load_samples(whole if data == "whole" else data, holdout=3)
 
 
 @pytest.mark.parametrize("count", [0, -1, 37])
 def test_a_wrong_number_of_held_out_patterns_is_refused(training_part, count):
     with pytest.raises(ConfigError, match=f"^{count} held-out patterns: it is 1 to 36"):
-        dataset.load(training_part, holdout=count)
+        load_samples(training_part, holdout=count)
 
 
 def test_an_unknown_split_is_refused(training_part):
     with pytest.raises(ConfigError, match="no split 'dev'; there are train, test"):
-        dataset.load(training_part, holdout=1).split("dev")
+        load_samples(training_part, holdout=1).split("dev")
 
 
 def test_held_out_patterns_are_a_balanced_part_of_the_training_patterns():
@@ -261,7 +263,7 @@ def test_a_wrong_file_is_named_with_its_line(whole, change, what):
     name, edit, at, message = WRONG[what]
     path = change(name, edit)
     with pytest.raises(RecordingError) as refused:
-        dataset.load(whole)
+        load_samples(whole)
     said = str(refused.value)
     assert said.startswith(f"{path}, line {at}: ") and message in said
     assert "\n" not in said
@@ -271,12 +273,12 @@ def test_bytes_that_are_no_text_are_refused(whole, change):
     path = change(VISION, lambda lines: lines)
     path.write_bytes(b"\xff\x00")
     with pytest.raises(RecordingError, match="target000073.txt is no readable text file"):
-        dataset.load(whole)
+        load_samples(whole)
 
 
 def test_a_vocabulary_may_be_left_out(whole, change):
     change("vocabulary.txt", lambda lines: lines).unlink()
-    assert len(dataset.load(whole).joints) == 288
+    assert len(load_samples(whole).joints) == 288
 
 
 @pytest.mark.parametrize("name", [JOINTS, TEST_JOINTS, VISION, LANGUAGE, "actions.txt"])
@@ -284,7 +286,7 @@ def test_a_missing_file_is_named(whole, change, name):
     path = change(name, lambda lines: lines)
     path.unlink()
     with pytest.raises(RecordingError) as refused:
-        dataset.load(whole)
+        load_samples(whole)
     assert str(refused.value).startswith(f"{path} is missing; ")
 
 
@@ -293,7 +295,7 @@ def test_a_missing_folder_is_named_by_its_first_file(whole, tmp_path, stream):
     shutil.move(whole / "target" / stream, tmp_path)
     try:
         with pytest.raises(RecordingError, match=f"{stream}/201207/target00000[02].txt is missing"):
-            dataset.load(whole)
+            load_samples(whole)
     finally:
         shutil.move(tmp_path / stream, whole / "target")
 
@@ -301,7 +303,7 @@ def test_a_missing_folder_is_named_by_its_first_file(whole, tmp_path, stream):
 def test_a_missing_recording_is_noticed(whole, monkeypatch):
     monkeypatch.setattr(authors, "RECORDINGS", (*RECORDINGS, "210107"))
     with pytest.raises(RecordingError, match="behavior_train/210107/target000000.txt is missing"):
-        dataset.load(whole)
+        load_samples(whole)
 
 
 def test_a_test_pattern_among_the_training_files_is_refused(training_part):
@@ -309,14 +311,14 @@ def test_a_test_pattern_among_the_training_files_is_refused(training_part):
     path.write_text("")
     try:
         with pytest.raises(RecordingError, match="target000002.txt belongs to no pattern of the t"):
-            dataset.load(training_part, holdout=3)
+            load_samples(training_part, holdout=3)
     finally:
         path.unlink()
 
 
 def test_their_joints_have_a_range_of_one(whole):
     """So NRMSE there is the plain error: 0.1 everywhere is 10 % of the valid steps."""
-    samples = dataset.load(whole)
+    samples = load_samples(whole)
     train, test = samples.split("train"), samples.split("test")
     samples.joints[train[0], :2] = [[0] * 5, [1] * 5]
     scaling = fit_scaling(samples, train)
@@ -326,7 +328,7 @@ def test_their_joints_have_a_range_of_one(whole):
 
 
 def test_their_features_are_whitened_as_ours_unless_the_recipe_says_otherwise(training_part):
-    theirs = dataset.load(training_part, holdout=3)
+    theirs = load_samples(training_part, holdout=3)
     for recipe in (training.Recipe(epochs=1, batch=100), training.Recipe(1, 100, exponent=0.0)):
         made = training.train(theirs, recipe, config=SMALL)
         wanted = fit_scaling(theirs, theirs.split("train"), recipe.exponent)
@@ -335,14 +337,14 @@ def test_their_features_are_whitened_as_ours_unless_the_recipe_says_otherwise(tr
 
 
 def test_a_model_is_not_scored_on_patterns_it_was_trained_on(training_part, whole):
-    one, two = (dataset.load(training_part, holdout=n) for n in (1, 2))
+    one, two = (load_samples(training_part, holdout=n) for n in (1, 2))
     recipe = training.Recipe(epochs=1, batch=100)
     made = training.train(one, recipe, config=SMALL)
     made.dataset(one)
     made.dataset(replace(one, holdout=None))  # the paper's test set: never trained on
     with pytest.raises(ConfigError, match="2 patterns are held out, .* trained with 1 held out"):
         made.dataset(two)
-    full = training.train(dataset.load(whole), recipe, config=SMALL)
+    full = training.train(load_samples(whole), recipe, config=SMALL)
     with pytest.raises(ConfigError, match="trained with none held out"):
         full.dataset(one)
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts, dataset, frames, training, vision
+from ptae_lite import artefacts, training, vision
+from ptae_lite.data import frames
 from ptae_lite.models import checkpoint
 from ptae_lite.robot import recorder
 
@@ -47,7 +48,7 @@ def refusal(capsys):
 @pytest.fixture
 def few_stored(few, monkeypatch):
     """`load` gives a few made-up samples."""
-    monkeypatch.setattr(dataset, "load", lambda data, holdout=None: few)
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout=None: few)
     return few
 
 

@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 import torch
 
-from ptae_lite import artefacts, dataset, vision
+from ptae_lite import artefacts, vision
+from ptae_lite.data.samples import load_samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import closed_loop as study
 from ptae_lite.experiments import episodes, family
@@ -20,7 +21,7 @@ TINY = {"hidden": 16, "heads": 2, "feed_forward": 32, "decoder_units": 12, "drop
 @pytest.fixture(scope="module")
 def recorded():
     """Six samples to train and six to test, of our recording."""
-    whole = dataset.load()
+    whole = load_samples()
     chosen = np.concatenate([whole.split("train")[:12], whole.split("test")[:6]])
     columns = ("joints", "features", "frames", "pattern", "variation", "cubes", "touched")
     return replace(whole, **{name: getattr(whole, name)[chosen] for name in columns})
@@ -107,7 +108,7 @@ def test_what_a_model_saw_of_its_own_acts_is_a_film_of_99_frames(simulator, quic
 
 
 def test_films_reach_execute_alone(source):
-    from ptae_lite.signals import build, refilm, signal_number
+    from ptae_lite.data.signals import build, refilm, signal_number
 
     signals = torch.tensor([signal_number(s) for s in ("execute", "repeat action", "execute")])
     batch = build(source, torch.tensor([0, 1, 2]), signals, torch.zeros(3, dtype=torch.long))
@@ -131,10 +132,10 @@ def test_training_takes_other_films_where_it_is_given_some(few, tiny):
 def kept(simulator):
     """Two episodes of a model that knows nothing, given up after a few frames."""
     torch.manual_seed(0)
-    samples = dataset.load()
+    samples = load_samples()
     config = PTAEConfig(**TINY, film="first", padded=False, reminded=True)
+    from ptae_lite.data.scaling import fit_scaling
     from ptae_lite.models.ptae import PTAE
-    from ptae_lite.scaling import fit_scaling
 
     scaling = fit_scaling(samples, samples.split("train")[:50])
     trained = checkpoint.Trained(PTAE(config).eval(), scaling, {"eye": samples.eye})

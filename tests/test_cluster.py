@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import dataset
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import supervision, tables
 from ptae_lite.experiments.supervision import Job
@@ -52,7 +51,7 @@ def test_a_cluster_gives_the_rows_that_one_process_gives(cluster, few, tmp_path)
 
 @pytest.mark.filterwarnings("ignore")
 def test_the_command_takes_the_address_of_a_cluster(cluster, few, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout: few)
     options = ["--models", "linear", "--variants", "random", "--shares", "50", "--cluster",
                cluster.scheduler_address, "--out", str(tmp_path), "--json"]  # fmt: skip
     assert cli.main(["study", "supervision", *options]) == 0

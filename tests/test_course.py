@@ -15,12 +15,13 @@ import pandas as pd
 import pytest
 from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_network
 
-from ptae_lite import artefacts, dataset, evaluation, language
+from ptae_lite import artefacts, evaluation, language
 from ptae_lite.book import course, exercise_check, notebooks
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.errors import ArtefactError
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import MARGIN
-from ptae_lite.scaling import fit_scaling
 from ptae_lite.widgets.panels import Panel
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -308,7 +309,7 @@ def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(played)
 def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simulator):
     """Exercise 6.3: joints of ten frames ago, by the error and in the simulator."""
     judge = played("06_closed_loop", 0).names["closed_loop"]
-    samples = dataset.load("recording")
+    samples = load_samples("recording")
     test, scaling = samples.split("test"), fit_scaling(samples, samples.split("train"))
     ago = np.maximum(np.arange(1, 100) - 10, 0)
     late = np.stack([samples.joints[i, np.minimum(ago, samples.frames[i] - 1)] for i in test])

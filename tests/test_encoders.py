@@ -6,12 +6,12 @@ from dataclasses import replace
 import pytest
 import torch
 
+from ptae_lite.data.signals import build
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import EOS, SIGNALS, SYNONYMS, TOKENS, encode, signal_index
 from ptae_lite.models import PTAE, checkpoint
 from ptae_lite.models.common import losses
 from ptae_lite.models.encoders import OneHot, Sequence, language_encoder
-from ptae_lite.signals import build
 from ptae_lite.training import Recipe, train
 
 

@@ -7,6 +7,8 @@ import pytest
 import torch
 
 from ptae_lite import evaluation
+from ptae_lite.data.scaling import Scaling, prepare
+from ptae_lite.data.signals import Source
 from ptae_lite.errors import LanguageError
 from ptae_lite.language import (
     COLOURS,
@@ -20,8 +22,6 @@ from ptae_lite.language import (
     sentence,
 )
 from ptae_lite.models.ptae import Answer
-from ptae_lite.scaling import Scaling, prepare
-from ptae_lite.signals import Source
 
 
 def saying(outputs) -> Answer:

@@ -9,11 +9,14 @@ import pytest
 import torch
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts, dataset, frames, readout, vision
+from ptae_lite import artefacts, vision
+from ptae_lite.data import frames
+from ptae_lite.data.samples import with_features, write_features
 from ptae_lite.errors import ConfigError, RecordingError
 from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use
 from ptae_lite.language import COLOURS, pattern
 from ptae_lite.robot import recorder
+from ptae_lite.vision import probes
 
 STEPS = {"separated 3x10": (0, 10, 20), "plain 10": (0, 10)}  # presentations, two a step
 
@@ -104,7 +107,7 @@ def test_products_read_what_a_sum_cannot():
     np.testing.assert_allclose(more[known][:, :2].std(0), 1)
     np.testing.assert_allclose(more[:, 3:6], more[:, :1] * more[:, :3])
     for inputs, low, high in ((signs, 0, 70), (more, 99, 100)):
-        read = readout.fit_labels(inputs[known], labels[known])
+        read = probes.fit_labels(inputs[known], labels[known])
         assert low <= 100 * (read.labels(inputs[asked]) == labels[asked]).mean() <= high
 
 
@@ -298,12 +301,12 @@ def work(seen, tmp_path):
         vision.save_eye(weights, vision.make_eye("plain", 2), device="cuda")
         width = 3 + seed
         codes = np.repeat(seen.frames[:, None] / 100, seen.frames, axis=0) * np.ones(width)
-        dataset.write_features(folder / f"features_{length}.npz", codes, weights)
+        write_features(folder / f"features_{length}.npz", codes, weights)
     return tmp_path / "eyes"
 
 
 def test_samples_are_seen_by_another_eye(seen, work):
-    other = dataset.with_features(seen, work / "plain_10_seed1" / "features_40.npz")
+    other = with_features(seen, work / "plain_10_seed1" / "features_40.npz")
     assert other.features.shape == (864, 100, 4) and other.eye != seen.eye
     np.testing.assert_allclose(other.features[0, :, 0], 1)
     np.testing.assert_allclose(other.features[863, :50, 3], 0.5)
@@ -314,11 +317,11 @@ def test_samples_are_seen_by_another_eye(seen, work):
 def test_features_of_another_recording_are_refused(few, work, tmp_path):
     path = work / "PCA_30_seed0" / "features_8.npz"
     with pytest.raises(RecordingError, match="does not hold features of 2700 frames"):
-        dataset.with_features(few, path)
+        with_features(few, path)
     np.savez(tmp_path / "x.npz", other=np.zeros(2700))
     for name in ("x.npz", "missing.npz"):
         with pytest.raises(RecordingError, match=name):
-            dataset.with_features(few, tmp_path / name)
+            with_features(few, tmp_path / name)
 
 
 def test_every_eye_gets_a_ptae_of_each_seed_where_it_has_features(work):
@@ -385,8 +388,8 @@ def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, modul
         assert list(asked) == given and named == {"workers": 2} | more
         return pd.DataFrame({"eye": [1, 2, 3]})
 
-    monkeypatch.setattr(dataset, "load", lambda: "stored")
-    monkeypatch.setattr(dataset, "load_unseen", lambda folder: f"of {folder}")
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda: "stored")
+    monkeypatch.setattr("ptae_lite.data.samples.load_unseen", lambda folder: f"of {folder}")
     monkeypatch.setattr(module, "study", study)
     options = ["--recording", "R", "--out", "T", "--eyes", "W", "--seeds", "0", "2"]
     assert cli.main(["study", name, *options, "--workers", "2", "--json"]) == 0

@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.evaluation import references
 from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use, encoders_table
-from ptae_lite.scaling import fit_scaling
 
 CHAPTER = Path(__file__).resolve().parents[1] / "book" / "02_vision.md"
 UP = ["first_both", "last_both", "first_both_products", "last_both_products", "last_act",
@@ -363,7 +364,7 @@ def test_joint_pca_serves_ptae_as_well(in_use, with_equal):
 
 
 def test_ptae_moves_better_than_a_plan_with_every_eye_but_one(in_use):
-    samples = dataset.load()
+    samples = load_samples()
     scaling = fit_scaling(samples, samples.split("train"))
     known = {name: error for name, (error, _) in references(samples, scaling).items()}
     plan = known["plan from the true places"]

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from ptae_lite import training
+from ptae_lite.data.signals import Source, build, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, respond
 from ptae_lite.language import SIGNALS, WORD_INDEX
@@ -14,7 +15,6 @@ from ptae_lite.models import PGAE, PVAE, PGAEConfig, PRAEConfig, PTAEConfig, PVA
 from ptae_lite.models.common import Answer, class_weights, losses
 from ptae_lite.models.gated import GatedUnit
 from ptae_lite.models.pvae import Code, binding, divergence
-from ptae_lite.signals import Source, build, signal_number
 from ptae_lite.training import Recipe
 
 FAMILY = ("pgae", "pvae", "prae")

@@ -3,12 +3,13 @@
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.evaluation import references
 from ptae_lite.experiments import family
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import MARGIN
-from ptae_lite.scaling import fit_scaling
 
 ELDERS = ("PRAE", "PGAE", "PVAE")
 SWAPPED = "execute_speed_word_swapped"
@@ -254,7 +255,7 @@ def test_what_little_knowledge_gives_is_another_scale_on_each_data_set():
 
 
 def test_the_stored_references_are_those_of_the_recording():
-    samples = dataset.load()
+    samples = load_samples()
     table = pd.read_csv(artefacts.stored("results/family.csv"))
     stored = table[table["data"] == "recording"].iloc[0]
     now = references(samples, fit_scaling(samples, samples.split("train")))

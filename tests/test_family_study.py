@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import dataset
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import family, tables
 from ptae_lite.models import checkpoint
@@ -121,7 +120,7 @@ def test_every_claim_is_about_variants_that_are_trained():
 
 
 def test_the_command_runs_the_study(few, quick, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout: few)
     options = ["--variants", "PTAE", "--seeds", "3", "--out", str(tmp_path), "--json"]
     assert cli.main(["study", "family", *options]) == 0
     made = json.loads(capsys.readouterr().out)

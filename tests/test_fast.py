@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from ptae_lite.data.signals import SIGNALS, build, signal_number
 from ptae_lite.models.checkpoint import MODELS
 from ptae_lite.models.common import losses
-from ptae_lite.signals import SIGNALS, build, signal_number
 
 
 @pytest.fixture(params=[99, 5], ids=["all steps", "held poses short"])

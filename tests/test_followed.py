@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import torch
 
-from ptae_lite import dataset
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.experiments import answer_source
 from ptae_lite.experiments.answer_source import Motions, Told
 from ptae_lite.experiments.incongruence import Condition
 from ptae_lite.language import EOS, WORD_INDEX, encode, pattern
 from ptae_lite.models.common import Answer
-from ptae_lite.scaling import fit_scaling
 
 TRUTH, FALSE = Told("push", "red", "fast"), Told("pull", "blue", "slowly")
 
@@ -142,7 +142,7 @@ def test_what_the_distractor_would_have(samples):
 
 
 def test_in_our_recording_all_test_clips_are_told():
-    samples = dataset.load("recording")
+    samples = load_samples("recording")
     motions = Motions(samples, fit_scaling(samples, samples.split("train")))
     assert 7 < motions.reach < 8
     test = samples.split("test")

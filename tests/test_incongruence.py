@@ -9,13 +9,13 @@ import torch
 from conftest import EYE
 from torch import nn
 
+from ptae_lite.data.signals import Source
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import incongruence
 from ptae_lite.experiments.incongruence import EXTRA_INPUT, Condition, conflict_sets
 from ptae_lite.language import SYNONYMS, Meaning, encode, parse, pattern, patterns, sentence
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import Answer
-from ptae_lite.signals import Source
 
 SUBSETS = [s for count in range(4) for s in combinations(("action", "colour", "speed"), count)]
 MOVED = [s for count in range(4) for s in combinations(("action", "position", "speed"), count)]

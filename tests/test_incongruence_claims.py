@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.signals import Source
 from ptae_lite.evaluation import respond
 from ptae_lite.experiments import answer_source, incongruence, incongruence_table
 from ptae_lite.experiments.incongruence import EXTRA_INPUT, Condition
 from ptae_lite.language import parse, pattern
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
-from ptae_lite.signals import Source
 
 SEEDS = 3
 WORDS, MOTIONS = ("describe", "repeat language"), ("repeat action", "execute")
@@ -85,7 +86,7 @@ def test_speed_is_not_heard_but_seen(regular):
 
 @pytest.fixture(scope="module")
 def asked():
-    samples = dataset.load("recording")
+    samples = load_samples("recording")
     ptae = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
     return samples, ptae, Source(ptae.dataset(samples)), samples.split("test")
 

@@ -8,7 +8,6 @@ import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import dataset
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.experiments import incongruence_table, tables
 from ptae_lite.experiments.answer_source import FOLLOWED
@@ -131,7 +130,7 @@ def test_the_variants_differ_from_the_regular_model_in_one_thing_each():
 
 
 def test_the_command_runs_the_study(few, quick, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout: few)
     options = ["--variants", "ptae", "--seeds", "3", "--out", str(tmp_path), "--json",
                "--weights", str(tmp_path / "weights")]  # fmt: skip
     assert cli.main(["study", "incongruence", *options]) == 0

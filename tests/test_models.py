@@ -8,6 +8,7 @@ import torch
 from torch import nn
 
 from ptae_lite import artefacts
+from ptae_lite.data.signals import Source, build
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.evaluation import correct, respond
 from ptae_lite.language import SIGNALS
@@ -15,7 +16,6 @@ from ptae_lite.models import PTAE, PTAEConfig, checkpoint
 from ptae_lite.models.common import Answer, losses
 from ptae_lite.models.crossmodal import Attention, positions
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
-from ptae_lite.signals import Source, build
 
 
 def parameters(module):

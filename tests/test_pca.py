@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from ptae_lite import pca, vision
+from ptae_lite import vision
 from ptae_lite.errors import ConfigError
+from ptae_lite.vision import pca
 
 EYES = (pca.JointPCA, pca.ChannelPCA)
 

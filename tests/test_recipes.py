@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import dataset, training
+from ptae_lite import training
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, supervision
 from ptae_lite.experiments.supervision import Job
@@ -66,7 +66,7 @@ def test_held_out_patterns_take_no_part_in_a_training(samples, small_configs, mo
 
 
 def test_the_command_runs_the_search(few, asked, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(dataset, "load", lambda *_: few)
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda *_: few)
     options = ["--variants", "slow", "--seeds", "2", "--out", str(tmp_path), "--json"]
     assert cli.main(["study", "recipes", *options]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] == 1

@@ -10,7 +10,8 @@ import pandas as pd
 import pytest
 import torch
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import claim_metrics, report_card, reported
 from ptae_lite.paper.claim_metrics import MARGIN, Claim, Tables, always, number
@@ -172,7 +173,7 @@ def test_the_table_shows_all_rows_and_lets_no_mark_up_in(card):
 @pytest.fixture(scope="module")
 def model():
     torch.set_num_threads(1)
-    return checkpoint.load(artefacts.stored("weights/ptae.safetensors")), dataset.load()
+    return checkpoint.load(artefacts.stored("weights/ptae.safetensors")), load_samples()
 
 
 def test_this_run_is_that_of_the_weights_at_hand(model, monkeypatch):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ptae_lite import dataset
+from ptae_lite.data.samples import load_samples
 from ptae_lite.errors import PTAEError
 from ptae_lite.robot import arm
 from ptae_lite.widgets import scene3d, viewer
@@ -193,7 +193,7 @@ def test_the_camera_shows_the_picture_of_each_frame():
 
 @pytest.fixture(scope="module")
 def recorded():
-    return dataset.load("recording")
+    return load_samples("recording")
 
 
 @pytest.fixture

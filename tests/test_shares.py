@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 from test_panels import controls_of, frames_in
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples
 from ptae_lite.evaluation import CHANCE
 from ptae_lite.experiments import supervision
 from ptae_lite.models import checkpoint
@@ -227,7 +228,7 @@ def test_on_a_page_there_is_no_button(table, said, few, monkeypatch):
 def test_the_stored_weights_still_give_the_row_of_all_labels(stored):
     """The row of 100 % is the model of chapter 03, whose weights are stored."""
     table, said = stored
-    samples = dataset.load("recording")
+    samples = load_samples("recording")
     trained = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
 
     def own(rows):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from ptae_lite import signals
+from ptae_lite.data import signals
+from ptae_lite.data.scaling import prepare
 from ptae_lite.errors import ConfigError, LanguageError
 from ptae_lite.language import SIGNALS, WORD_INDEX, alternatives, pattern
 from ptae_lite.models import PTAE
 from ptae_lite.models.ptae import PTAEConfig
-from ptae_lite.scaling import prepare
 
 # What follows the signal word; keys and values; what is to be said; what the action decoder sees;
 # where it starts; what it is to do.

@@ -19,7 +19,7 @@ from pages import (
     until,
 )  # fmt: skip
 
-from ptae_lite import dataset
+from ptae_lite.data.samples import load_samples
 from ptae_lite.widgets import scene3d
 
 pytestmark = pytest.mark.browser
@@ -147,7 +147,7 @@ def test_every_scene_draws_and_moves_when_played(browser, name):
 
 
 def test_a_saved_scene_is_a_page_of_its_own(browser, tmp_path):
-    samples = dataset.load("recording")
+    samples = load_samples("recording")
     scene3d.sample_scene(samples, 90, eye=True).save(tmp_path / "scene.html")
     with opened(browser) as page:
         page.goto((tmp_path / "scene.html").as_uri())

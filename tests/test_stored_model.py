@@ -2,9 +2,10 @@
 
 import pytest
 
-from ptae_lite import artefacts, dataset, evaluation, training
+from ptae_lite import artefacts, evaluation, training
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.models import checkpoint
-from ptae_lite.scaling import fit_scaling
 
 
 @pytest.fixture(scope="module")
@@ -14,7 +15,7 @@ def stored():
 
 @pytest.fixture(scope="module")
 def scores(stored):
-    return evaluation.evaluate(stored, dataset.load("recording"))
+    return evaluation.evaluate(stored, load_samples("recording"))
 
 
 def test_it_was_trained_by_the_default_recipe_on_all_training_samples(stored):
@@ -35,7 +36,7 @@ def test_it_describes_the_test_samples(scores):
 
 def test_it_follows_the_film_of_the_test_samples(scores):
     """Better than the mean motion of the same action on the same side, which has 2.8 %."""
-    samples = dataset.load("recording")
+    samples = load_samples("recording")
     fitted = fit_scaling(samples, samples.split("train"))
     known, _ = evaluation.references(samples, fitted)["mean of action word and side"]
     assert scores["execute_nrmse"] < known

@@ -9,12 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ptae_lite import artefacts, dataset, frames, readout
+from ptae_lite import artefacts
+from ptae_lite.data import frames
+from ptae_lite.data.samples import load_samples, load_unseen
+from ptae_lite.data.splits import SPLITS
 from ptae_lite.errors import RecordingError
 from ptae_lite.language import pattern, patterns
 from ptae_lite.robot import arm, inverse, motions, recorder, scene
 from ptae_lite.robot.recorder import record_sequence, samples_in_order
-from ptae_lite.splits import SPLITS
+from ptae_lite.vision import probes
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +187,7 @@ def test_an_eye_is_trained_on_each_third_frame_of_the_training_patterns(monkeypa
 
 
 def test_the_stored_recording_loads_with_its_features():
-    samples = dataset.load()
+    samples = load_samples()
     sizes = {name: len(samples.split(name)) for name in SPLITS}
     assert sizes == {"train": 648, "test": 216, "held_out": 96, "fit": 552}
     assert samples.features.shape == (864, 100, 30)
@@ -198,22 +201,22 @@ def test_a_recording_is_read_before_an_eye_has_looked_at_it(tmp_path):
     about = {"format": recorder.FORMAT, "fingerprint": "0"}
     (tmp_path / "recording.json").write_text(json.dumps(about))
     with pytest.raises(RecordingError, match="samples.npz is missing; make it .*ptae_lite record"):
-        dataset.load_unseen(tmp_path)
+        load_unseen(tmp_path)
     shutil.copy(artefacts.stored("recording/samples.npz"), tmp_path)
-    unseen, seen = dataset.load_unseen(tmp_path), dataset.load()
+    unseen, seen = load_unseen(tmp_path), load_samples()
     assert unseen.features.shape == (864, 100, 0)
     for name in ("joints", "cubes", "touched", "frames", "pattern", "variation"):
         np.testing.assert_array_equal(getattr(unseen, name), getattr(seen, name))
     with pytest.raises(RecordingError, match="features.npz is missing; make it .*lite features"):
-        dataset.load(tmp_path)
+        load_samples(tmp_path)
 
 
 def test_a_linear_read_out_of_first_frames_knows_colours_and_places():
-    samples = dataset.load("recording")
-    first, test = readout.first(samples.features), samples.split("test")
+    samples = load_samples("recording")
+    first, test = probes.first(samples.features), samples.split("test")
     hits = []
-    for labels in readout.colours(samples).values():
-        read = readout.fit_labels(first[samples.split("train")], labels[samples.split("train")])
+    for labels in probes.colours(samples).values():
+        read = probes.fit_labels(first[samples.split("train")], labels[samples.split("train")])
         hits.append(read.labels(first[test]) == labels[test])
     assert np.mean(hits[0] & hits[1]) >= 0.99
-    assert readout.place_errors_mm(samples, first, samples.cubes[:, 0])["distance"] <= 4
+    assert probes.place_errors_mm(samples, first, samples.cubes[:, 0])["distance"] <= 4

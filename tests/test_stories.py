@@ -8,7 +8,9 @@ import pandas as pd
 import pytest
 from test_panels import controls_of
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.signals import Source
 from ptae_lite.experiments import conflict_examples, incongruence_table
 from ptae_lite.experiments.answer_source import FOLLOWED
 from ptae_lite.experiments.incongruence import (
@@ -21,7 +23,6 @@ from ptae_lite.experiments.incongruence import (
 )  # fmt: skip
 from ptae_lite.language import pattern
 from ptae_lite.models import checkpoint
-from ptae_lite.signals import Source
 from ptae_lite.widgets import conflict_cards
 
 POSITIONS = list(
@@ -32,7 +33,7 @@ FILMS = np.zeros((12, 6, 60, 80, 3), np.uint8)
 
 @pytest.fixture(scope="module")
 def recorded():
-    return dataset.load("recording")
+    return load_samples("recording")
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +90,7 @@ def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_p
     noted = {}
     monkeypatch.setattr(artefacts, "stored", lambda name: name)
     monkeypatch.setattr(checkpoint, "load", lambda path: trained)
-    monkeypatch.setattr(dataset, "load", lambda name: samples)
+    monkeypatch.setattr(conflict_examples, "load_samples", lambda name: samples)
     monkeypatch.setattr(conflict_examples, "film", lambda *given: FILMS)
     monkeypatch.setattr(artefacts, "DATA", tmp_path)
     monkeypatch.setattr(artefacts, "register", lambda name, **about: noted.update({name: about}))

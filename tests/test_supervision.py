@@ -9,7 +9,8 @@ import pytest
 import torch
 
 import ptae_lite.__main__ as cli
-from ptae_lite import dataset, training
+from ptae_lite import training
+from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate, linear_describe_accuracy
 from ptae_lite.experiments import labels, supervision, tables
@@ -17,7 +18,6 @@ from ptae_lite.experiments.supervision import Job
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import PVAE
 from ptae_lite.models.checkpoint import MODELS
-from ptae_lite.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.training import Recipe
 
 QUICK = Recipe(epochs=1, batch=8)
@@ -397,7 +397,7 @@ def test_rows_of_the_same_training_are_replaced_and_others_kept_in_order(tmp_pat
 
 
 def test_the_command_runs_the_study(few, trainings, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(dataset, "load", lambda data, holdout: few)
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout: few)
     monkeypatch.setattr(supervision, "RECIPES", {"ptae": QUICK})
     options = ["--models", "ptae", "--shares", "2", "66.6", "--modes", "iterations",
                "--variants", "paper", "--seeds", "3", "--workers", "1", "--out", str(tmp_path),

@@ -3,10 +3,10 @@
 import pytest
 
 from ptae_lite import run_mode
+from ptae_lite.data.signals import PTAE_SIGNALS
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import incongruence, supervision
 from ptae_lite.paper import reported
-from ptae_lite.signals import PTAE_SIGNALS
 
 
 def test_replay_is_the_default(monkeypatch):

@@ -9,11 +9,11 @@ import pytest
 import torch
 
 from ptae_lite import training
+from ptae_lite.data.scaling import fit_scaling
+from ptae_lite.data.signals import SUPERVISED, UNSUPERVISED, Batch, blend, build, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import COLOURS, patterns
 from ptae_lite.models.common import Answer, losses
-from ptae_lite.scaling import fit_scaling
-from ptae_lite.signals import SUPERVISED, UNSUPERVISED, Batch, blend, build, signal_number
 from ptae_lite.training import Recipe
 
 SUPERVISED_NUMBERS = [signal_number(s) for s in SUPERVISED]

@@ -175,7 +175,7 @@ def test_the_rate_rises_stays_and_falls_to_nearly_zero(images, monkeypatch):
         return go(self, *rest)
 
     monkeypatch.setattr(torch.optim.Adam, "step", step)
-    monkeypatch.setattr(vision, "WARM_UP", 4)
+    monkeypatch.setattr("ptae_lite.vision.training.WARM_UP", 4)
     recipe = vision.EyeRecipe(steps=20, batch=1, learning_rate=0.1)
     vision.train_eye(vision.PlainCAE(1), images, recipe)
     np.testing.assert_allclose(

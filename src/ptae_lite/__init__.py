@@ -1,8 +1,8 @@
 """PTAE-lite: bidirectional action-language translation, rebuilt on a laptop.
 
-Data flows one way, and so do the imports: `language`, `robot`, `dataset`, `vision`, `scaling`,
-`signals`, `models`, `training`, `evaluation`, `experiments`; then `plots`, `widgets` and the book,
-which know the library while the library knows neither.
+Data flows one way, and so do the imports: `language`, `robot`, `data`, `vision`, `models`,
+`training`, `evaluation`, `experiments`; then `paper`, `plots`, `widgets`, `reproduce` and the book,
+which nothing before them imports.
 
 One alphabet of shapes everywhere: `B` batch, `T` frames, `N` tokens, `J` joints (5),
 `F` visual features (30), `H` hidden (256), `V` words (23).

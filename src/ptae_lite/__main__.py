@@ -32,7 +32,7 @@ TRAINED = ("ptae", "pgae", "pvae", "prae", "cae", "plain-cae")
 
 
 def do_record(options) -> dict:
-    from ptae_lite import frames
+    from ptae_lite.data import frames
     from ptae_lite.robot import recorder
 
     folder = Path(options.out)
@@ -50,7 +50,7 @@ def do_record(options) -> dict:
 
 def do_features(options) -> dict:
     from ptae_lite import artefacts, vision
-    from ptae_lite.dataset import write_features
+    from ptae_lite.data.samples import write_features
     from ptae_lite.robot.recorder import check_ours
 
     eye_file = Path(options.eye) if options.eye else artefacts.stored("weights/cae.safetensors")
@@ -73,11 +73,12 @@ def do_train(options) -> dict:
     check_writable(options.out)  # now, and not after the training
     if options.model in ("cae", "plain-cae"):
         return _train_eye(options)
-    from ptae_lite import dataset, training
+    from ptae_lite import training
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.evaluation import evaluate
     from ptae_lite.models import checkpoint
 
-    samples = dataset.load(options.data, options.holdout)
+    samples = load_samples(options.data, options.holdout)
     recipe = replace(training.RECIPES[options.model], seed=options.seed)
     if options.epochs is not None:
         recipe = replace(recipe, epochs=options.epochs)
@@ -118,13 +119,13 @@ def configured(model: str, features: int, settings):
 
 
 def do_evaluate(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.evaluation import evaluate
     from ptae_lite.models import checkpoint
 
     torch.set_num_threads(options.threads)
     trained = checkpoint.load(options.weights)
-    samples = dataset.load(options.data, options.holdout)
+    samples = load_samples(options.data, options.holdout)
     return _rounded(evaluate(trained, samples, options.split)) | caution(samples)
 
 
@@ -133,7 +134,8 @@ def _rounded(scores: dict) -> dict:
 
 
 def _train_eye(options) -> dict:
-    from ptae_lite import frames, vision
+    from ptae_lite import vision
+    from ptae_lite.data import frames
 
     recipe = vision.EyeRecipe(seed=options.seed)
     if options.epochs is not None:

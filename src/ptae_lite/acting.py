@@ -6,11 +6,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from ptae_lite.dataset import MAX_FRAMES
+from ptae_lite.data.samples import MAX_FRAMES
+from ptae_lite.data.signals import STEPS, TOKENS_IN, WORDS_OUT, Batch
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import EOS, encode, signal_index
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.signals import STEPS, TOKENS_IN, WORDS_OUT, Batch
 from ptae_lite.vision import encode_images
 
 

@@ -13,8 +13,9 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
-from ptae_lite import readout
-from ptae_lite.dataset import MAX_FRAMES, Samples
+from ptae_lite.data.samples import MAX_FRAMES, Samples
+from ptae_lite.data.scaling import Scaling
+from ptae_lite.data.signals import STEPS, TOKENS_IN, WIRING, Batch, Source, build, signal_number
 from ptae_lite.language import (
     EOS,
     MEANINGS,
@@ -31,8 +32,7 @@ from ptae_lite.language import (
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.common import Answer
 from ptae_lite.robot import inverse, motions
-from ptae_lite.scaling import Scaling
-from ptae_lite.signals import STEPS, TOKENS_IN, WIRING, Batch, Source, build, signal_number
+from ptae_lite.vision import probes
 
 CHANCE = 100 / len(MEANINGS)
 
@@ -280,7 +280,7 @@ def linear_describe(samples: Samples, labelled, indices) -> list[Meaning]:
         if not len(asked):
             return np.zeros(0, dtype=int)
         labels = np.array([values.index(getattr(told[i], name)) for i in known])
-        return readout.fit_labels(seen[known], labels, BASELINE_PENALTY).labels(seen[asked])
+        return probes.fit_labels(seen[known], labels, BASELINE_PENALTY).labels(seen[asked])
 
     labelled, indices = np.asarray(labelled), np.asarray(indices)
     action, speed = (read(name, classes[name], labelled, indices) for name in ("action", "speed"))

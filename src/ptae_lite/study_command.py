@@ -14,10 +14,10 @@ from ptae_lite.files import alone
 
 
 def _supervision(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.experiments import supervision
 
-    samples = dataset.load(options.data, options.holdout)
+    samples = load_samples(options.data, options.holdout)
     jobs = supervision.select(
         supervision.grid(options.seeds, options.core), model=options.models, mode=options.modes,
         variant=options.variants, share=options.shares,
@@ -31,10 +31,10 @@ def _supervision(options) -> dict:
 
 
 def _recipes(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.experiments import recipes
 
-    samples = dataset.load(options.data, options.holdout)
+    samples = load_samples(options.data, options.holdout)
     table = recipes.study(
         samples, options.out, options.variants or tuple(recipes.CHOICES),
         options.seeds or (0, 1), options.workers,
@@ -44,11 +44,11 @@ def _recipes(options) -> dict:
 
 
 def _eyes(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_unseen
     from ptae_lite.experiments import encoders
 
     table = encoders.study(
-        dataset.load_unseen(options.recording), options.recording, options.out, options.eyes,
+        load_unseen(options.recording), options.recording, options.out, options.eyes,
         options.seeds or (0, 1, 2), workers=options.workers, device=options.device,
         long=options.long,
         progress=lambda results, total: bar(results, total=total, desc="eyes"),
@@ -57,11 +57,11 @@ def _eyes(options) -> dict:
 
 
 def _eyes_ptae(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.experiments import encoders_in_use
 
     table = encoders_in_use.study(
-        dataset.load(), options.out, options.eyes, options.seeds or (0, 1, 2),
+        load_samples(), options.out, options.eyes, options.seeds or (0, 1, 2),
         workers=options.workers,
         progress=lambda results, total: bar(results, total=total, desc="trainings"),
     )  # fmt: skip
@@ -69,10 +69,10 @@ def _eyes_ptae(options) -> dict:
 
 
 def _family(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.experiments import family
 
-    samples = dataset.load(options.data, options.holdout)
+    samples = load_samples(options.data, options.holdout)
     table = family.study(
         samples, options.out, options.variants or family.REGULAR,
         options.seeds or (0, 1, 2), options.weights, options.workers,
@@ -82,10 +82,10 @@ def _family(options) -> dict:
 
 
 def _incongruence(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.experiments import incongruence_table
 
-    samples = dataset.load(options.data, options.holdout)
+    samples = load_samples(options.data, options.holdout)
     table = incongruence_table.study(
         samples, options.out,
         options.variants or tuple(incongruence_table.MODELS), options.seeds or (0, 1, 2),
@@ -97,12 +97,12 @@ def _incongruence(options) -> dict:
 
 
 def _closed_loop(options) -> dict:
-    from ptae_lite import dataset
+    from ptae_lite.data.samples import load_samples
     from ptae_lite.experiments import closed_loop, episodes
 
     folder = Path(options.out)
     table = closed_loop.study(
-        dataset.load(), folder, options.weights or "build/weights",
+        load_samples(), folder, options.weights or "build/weights",
         options.variants or tuple(closed_loop.MODELS), options.seeds or (0, 1, 2),
         options.conditions, options.workers,
         progress=lambda results, total: bar(results, total=total, desc="jobs"),

@@ -16,11 +16,11 @@ from jaxtyping import Int
 from torch import Tensor, nn
 
 from ptae_lite import devices
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.scaling import HALF_WHITE, Scaling, fit_scaling, prepare
+from ptae_lite.data.signals import PTAE_MIX, Source, blend, build, refilm, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import MODELS, Trained
-from ptae_lite.scaling import HALF_WHITE, Scaling, fit_scaling, prepare
-from ptae_lite.signals import PTAE_MIX, Source, blend, build, refilm, signal_number
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,9 @@ sys.modules["pybullet"] = None  # as where there is no wheel
 
 # What only has to be imported once is imported before the watch begins: modules are code.
 import ptae_lite.__main__ as cli  # noqa: E402
-from ptae_lite import artefacts, dataset, evaluation, frames, vision  # noqa: E402, F401
+from ptae_lite import artefacts, evaluation, vision  # noqa: E402, F401
+from ptae_lite.data import frames  # noqa: E402
+from ptae_lite.data.samples import load_samples  # noqa: E402
 from ptae_lite.experiments import conflict_examples, episodes, family  # noqa: E402, F401
 from ptae_lite.models import checkpoint  # noqa: E402
 from ptae_lite.paper import reported  # noqa: E402, F401
@@ -53,7 +55,7 @@ def watch(event: str, arguments: tuple) -> None:
 def read_everything() -> None:
     for name in artefacts.manifest():
         artefacts.stored(name)
-    samples = dataset.load()
+    samples = load_samples()
     for name in ("weights/cae.safetensors", "weights/plain_cae.safetensors"):
         eye = vision.load_eye(artefacts.stored(name))
         vision.encode_images(eye, frames.images(frames.stored_keys()[:2]))

@@ -14,7 +14,8 @@ import torch
 from watch import environment, unchanged
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts, dataset, files, frames, study_command, training, vision
+from ptae_lite import artefacts, files, study_command, training, vision
+from ptae_lite.data import frames
 from ptae_lite.errors import FileError
 from ptae_lite.experiments import tables
 from ptae_lite.robot import recorder, scene
@@ -60,7 +61,7 @@ def no_training(monkeypatch):
 
 @pytest.fixture
 def few_stored(few, monkeypatch):
-    monkeypatch.setattr(dataset, "load", lambda data, holdout=None: few)
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout=None: few)
     monkeypatch.setitem(training.RECIPES, "ptae", training.Recipe(epochs=1, batch=8))
 
 

@@ -56,7 +56,8 @@ def test_a_locale_without_utf8(project):
     code = (
         "import sys, locale\n"
         "assert 'utf' not in locale.getpreferredencoding().lower()\n"
-        "from ptae_lite import artefacts, dataset, console\n"
+        "from ptae_lite import artefacts, console\n"
+        "from ptae_lite.data import authors, samples\n"
         "from ptae_lite.experiments import conflict_examples\n"
         "from ptae_lite.book import contents\n"
         "from pathlib import Path\n"

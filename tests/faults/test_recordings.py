@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from watch import unchanged
 
-from ptae_lite import dataset
+from ptae_lite.data.samples import load_samples
 from ptae_lite.errors import FileError, RecordingError
 from ptae_lite.files import alone
 from ptae_lite.robot import recorder, scene
@@ -60,7 +60,7 @@ def test_joints_that_are_no_numbers(recording):
             match=r"joints_rad of sample 1 \(pattern 72\) are not all finite numbers",
         ),
     ):
-        dataset.load(folder)
+        load_samples(folder)
 
 
 def test_features_that_are_infinite(recording):
@@ -73,7 +73,7 @@ def test_features_that_are_infinite(recording):
             RecordingError, match=r"features of sample 0 \(pattern 0\) are not all finite"
         ),
     ):
-        dataset.load(folder)
+        load_samples(folder)
 
 
 def test_images_of_another_size(tmp_path):
@@ -113,7 +113,7 @@ def test_two_samples_that_changed_places(tmp_path):
 def test_a_description_that_is_no_text(tmp_path):
     (tmp_path / "recording.json").write_bytes(b"\xff\xfe{}")
     with unchanged(tmp_path), pytest.raises(RecordingError, match="does not say 'ptae-lite record"):
-        dataset.load(tmp_path)
+        load_samples(tmp_path)
 
 
 def test_a_file_where_a_folder_is_to_be(tmp_path):

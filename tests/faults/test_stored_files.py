@@ -12,7 +12,9 @@ import torch
 from safetensors.torch import save_file
 from watch import unchanged
 
-from ptae_lite import artefacts, dataset, frames, vision
+from ptae_lite import artefacts, vision
+from ptae_lite.data import frames
+from ptae_lite.data.samples import load_samples
 from ptae_lite.errors import ArtefactError, RecordingError
 from ptae_lite.models import checkpoint
 
@@ -133,7 +135,7 @@ def test_pickled_objects_among_arrays_are_not_run(data, tmp_path):
         unchanged(tmp_path),
         pytest.raises(RecordingError, match="samples.npz is damaged .*pickle"),
     ):
-        dataset.load()
+        load_samples()
     assert not trap.exists()
 
 

@@ -23,7 +23,7 @@ def say(text: str) -> None:
 
 def samples():
     """36 made-up samples, as `few` of the tests' conftest, without its fixtures."""
-    from ptae_lite.dataset import Samples
+    from ptae_lite.data.samples import Samples
     from ptae_lite.language import pattern
 
     rng = np.random.default_rng(1)
@@ -38,12 +38,13 @@ def samples():
 def command(*arguments) -> int:
     """`python -m ptae_lite ARGUMENTS` on the made-up samples, with slow and tiny trainings."""
     import ptae_lite.__main__ as cli
-    from ptae_lite import dataset, study_command, training
+    from ptae_lite import study_command, training
+    from ptae_lite.data import samples as stored
 
     real, many = training.Recipe, samples()
     for model in training.RECIPES:
         training.RECIPES[model] = real(epochs=3, batch=8)
-    dataset.load = lambda *_: many
+    stored.load_samples = lambda *_: many
     cli.bar = study_command.bar = slow
     return cli.main([*arguments])
 

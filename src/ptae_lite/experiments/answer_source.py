@@ -16,13 +16,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ptae_lite.dataset import MAX_FRAMES, Samples
+from ptae_lite.data.samples import MAX_FRAMES, Samples
+from ptae_lite.data.scaling import Scaling
 from ptae_lite.errors import LanguageError
 from ptae_lite.evaluation import poses
 from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT, Condition
 from ptae_lite.language import ACTIONS, EOS, SIDES, SPEEDS, Pattern, decode, parse, pattern
 from ptae_lite.models.common import Answer
-from ptae_lite.scaling import Scaling
 
 FOLLOWED = ("truth", "distractor", "mixture", "neither")
 TAKEN = ("action", "cube", "speed")

@@ -16,7 +16,8 @@ import pandas as pd
 
 from ptae_lite import artefacts, vision
 from ptae_lite.acting import Actor
-from ptae_lite.dataset import MAX_FRAMES, Samples
+from ptae_lite.data.samples import MAX_FRAMES, Samples
+from ptae_lite.data.signals import STEPS, Source
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate, respond, sentences
 from ptae_lite.experiments import family, tables
@@ -27,7 +28,6 @@ from ptae_lite.models.ptae import PTAEConfig
 from ptae_lite.robot import closed_loop
 from ptae_lite.robot.closed_loop import Episode, Verdict
 from ptae_lite.robot.scene import pybullet
-from ptae_lite.signals import STEPS, Source
 from ptae_lite.training import RECIPES, train
 
 KEY = ["model", "seed", "condition"]

@@ -21,8 +21,9 @@ import torch
 from jaxtyping import Float, UInt8
 from PIL import Image
 
-from ptae_lite import artefacts, dataset
-from ptae_lite.dataset import Samples
+from ptae_lite import artefacts
+from ptae_lite.data.samples import Samples, load_samples
+from ptae_lite.data.signals import Source
 from ptae_lite.errors import PTAEError
 from ptae_lite.evaluation import poses, sentences
 from ptae_lite.experiments import answer_source
@@ -38,7 +39,6 @@ from ptae_lite.files import whole, write_arrays
 from ptae_lite.language import ACTIONS, pattern
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.signals import Source
 
 MODEL = "weights/ptae.safetensors"
 TOLD, KEPT = "incongruence_stories.csv", "incongruence_stories.npz"
@@ -144,7 +144,7 @@ def main(arguments: list[str] | None = None) -> int:
     torch.set_num_threads(1)
     begun = time.perf_counter()
     try:
-        trained, samples = checkpoint.load(artefacts.stored(MODEL)), dataset.load("recording")
+        trained, samples = checkpoint.load(artefacts.stored(MODEL)), load_samples("recording")
         films = film(options.recording, samples, int(samples.split("test")[0]))
         folder = artefacts.DATA / "results" if options.store else options.out
         for path in write(folder, trained, samples, films):

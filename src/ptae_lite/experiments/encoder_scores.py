@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from ptae_lite import frames, readout, vision
-from ptae_lite.dataset import Samples
+from ptae_lite import vision
+from ptae_lite.data import frames
+from ptae_lite.data.samples import Samples
 from ptae_lite.language import SIDES
 from ptae_lite.robot.recorder import load_sequence
+from ptae_lite.vision import probes
 
 MOMENTS = ("first", "early", "late", "last")  # the frames of each sample that are looked at
 DRAWN = ((9, 0, 0), (14, 3, 55), (6, 1, 35), (9, 2, 45))  # frames of test patterns
@@ -53,18 +55,18 @@ def read_out(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float
         seen = codes[:, at]
         for kind, inputs in (("", seen), ("_products", with_products(seen, known))):
             hits = [
-                read(readout.fit_labels, inputs, labels).labels(inputs[asked]) == labels[asked]
-                for labels in readout.colours(samples).values()
+                read(probes.fit_labels, inputs, labels).labels(inputs[asked]) == labels[asked]
+                for labels in probes.colours(samples).values()
             ]
             found[f"{name}_both{kind}"] = 100 * (hits[0] & hits[1]).mean()
             if not kind:
                 found |= {f"{name}_{s}": 100 * h.mean() for s, h in zip(SIDES, hits, strict=True)}
         frame = moments(samples)[:, at]
         places = 1000 * samples.cubes[np.arange(len(frame)), frame, :, :2].reshape(-1, 4)
-        off = read(readout.fit_numbers, seen, places).numbers(seen[asked]) - places[asked]
+        off = read(probes.fit_numbers, seen, places).numbers(seen[asked]) - places[asked]
         found[f"{name}_place_mm"] = np.sqrt((off**2).mean())
-        acts = readout.action_and_side(samples)
-        right = read(readout.fit_labels, seen, acts).labels(seen[asked]) == acts[asked]
+        acts = probes.action_and_side(samples)
+        right = read(probes.fit_labels, seen, acts).labels(seen[asked]) == acts[asked]
         found[f"{name}_act"] = 100 * right.mean()
     found["joints_r2"] = joints_r2(codes, samples, known, asked)
     return {name: round(float(value), 4) for name, value in found.items()}
@@ -89,7 +91,7 @@ def joints_r2(codes, samples: Samples, known, asked) -> float:
     (x, y), (x_asked, y_asked) = (
         (inner[of].reshape(-1, codes.shape[2]), joints[of].reshape(-1, 5)) for of in (known, asked)
     )
-    off = readout.fit_numbers(x, y).numbers(x_asked) - y_asked
+    off = probes.fit_numbers(x, y).numbers(x_asked) - y_asked
     return float((1 - (off**2).sum(0) / ((y_asked - y_asked.mean(0)) ** 2).sum(0)).mean())
 
 

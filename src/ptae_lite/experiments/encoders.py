@@ -18,11 +18,13 @@ import pandas as pd
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from ptae_lite import artefacts, dataset, devices, frames, pca, vision
-from ptae_lite.dataset import Samples
+from ptae_lite import artefacts, devices, vision
+from ptae_lite.data import frames
+from ptae_lite.data.samples import Samples, write_features
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import encoder_scores, tables
 from ptae_lite.files import write_arrays
+from ptae_lite.vision import pca
 
 CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
 PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pca", 30)}
@@ -94,7 +96,7 @@ class Bench:
         path = weights.with_name(f"features_{presentations}.npz")
         if not features_are_of(path, weights):
             codes = vision.encode_recording(vision.load_eye(weights), self.recording)
-            dataset.write_features(path, codes, weights)
+            write_features(path, codes, weights)
 
 
 def folder_of(name: str, seed: int) -> str:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from ptae_lite import artefacts, dataset
-from ptae_lite.dataset import Samples
+from ptae_lite import artefacts
+from ptae_lite.data.samples import Samples, with_features
 from ptae_lite.errors import RecordingError
 from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import tables
@@ -45,7 +45,7 @@ def run_one(samples: Samples, eye: str, seed: int, presentations: int, features:
     """Train PTAE on what an eye sees and score it on the test samples."""
     weights = features.with_name(f"eye_{presentations}.safetensors")
     device = artefacts.load_weights(weights)[1].get("device", "cpu")
-    begun, seen = time.perf_counter(), dataset.with_features(samples, features)
+    begun, seen = time.perf_counter(), with_features(samples, features)
     trained = train(seen, replace(RECIPES["ptae"], seed=seed))
     row = {"eye": eye, "seed": seed, "presentations": presentations, "device": device,
            "steps": trained.about["steps"],

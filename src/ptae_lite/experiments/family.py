@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.signals import Source
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import (
     controls,
@@ -28,7 +29,6 @@ from ptae_lite.evaluation import (
 from ptae_lite.experiments import tables
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import MODELS, Trained
-from ptae_lite.signals import Source
 from ptae_lite.training import RECIPES, Recipe, train
 
 

@@ -22,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.signals import Batch, Source
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import alternatives_for, respond
 from ptae_lite.language import (
@@ -39,7 +40,6 @@ from ptae_lite.language import (
 )  # fmt: skip
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.common import Answer
-from ptae_lite.signals import Batch, Source
 
 EXTRA_INPUT = {
     "describe": "language", "repeat action": "language",

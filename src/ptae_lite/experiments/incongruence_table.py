@@ -19,7 +19,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.signals import Source
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.evaluation import correct, nrmse, poses
 from ptae_lite.experiments import answer_source, tables
@@ -34,7 +35,6 @@ from ptae_lite.experiments.incongruence import (
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import PTAEConfig
-from ptae_lite.signals import Source
 from ptae_lite.training import RECIPES, Recipe, train
 
 FILE = "incongruence.csv"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
 from ptae_lite.evaluation import linear_describe
 from ptae_lite.language import Meaning, patterns, words_of
 from ptae_lite.training import label

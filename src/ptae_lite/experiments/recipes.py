@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import supervision, tables
 from ptae_lite.experiments.supervision import Job

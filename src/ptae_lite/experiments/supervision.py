@@ -21,14 +21,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.signals import Source
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, evaluate, respond, sentences, word_accuracy
 from ptae_lite.experiments import tables
 from ptae_lite.experiments.labels import cover, linear_scores
 from ptae_lite.language import patterns, sentence
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.signals import Source
 from ptae_lite.training import RECIPES, Recipe, label, train
 
 SHARES = {  # percent: of the 648 training samples, and of the updates

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
 from ptae_lite.errors import RobotError
 from ptae_lite.evaluation import alternatives_for
 from ptae_lite.language import COLOURS, Pattern, pattern, sentence

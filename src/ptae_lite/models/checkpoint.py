@@ -8,12 +8,12 @@ import torch
 from torch import nn
 
 from ptae_lite import artefacts
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.scaling import Dataset, Scaling, prepare
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.models.pgae import PGAE, PGAEConfig
 from ptae_lite.models.ptae import PTAE, PTAEConfig
 from ptae_lite.models.pvae import PVAE, PRAEConfig, PVAEConfig
-from ptae_lite.scaling import Dataset, Scaling, prepare
 
 MODELS = {
     "ptae": (PTAE, PTAEConfig),

@@ -8,9 +8,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ptae_lite.data.signals import Batch, Blended
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import VOCABULARY, WORD_INDEX, Meaning, words_of
-from ptae_lite.signals import Batch, Blended
 
 
 class Answer(NamedTuple):

@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ptae_lite.dataset import MAX_FRAMES
+from ptae_lite.data.samples import MAX_FRAMES
 
 
 def positions(count: int, size: int) -> Float[Tensor, "N H"]:

@@ -24,11 +24,11 @@ from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ptae_lite.data.signals import Batch
 from ptae_lite.models.crossmodal import Attention, CrossmodalTransformer, TwoWay
 from ptae_lite.models.decoders import ActionDecoder
 from ptae_lite.models.packed import Layer, Packed, Unroll
 from ptae_lite.models.recurrent import PeepholeCell, RecurrentEncoder
-from ptae_lite.signals import Batch
 
 
 def encode(encoder: CrossmodalTransformer | TwoWay, words_in, batch: Batch):

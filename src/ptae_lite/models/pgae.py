@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ptae_lite.data.signals import MIX_WITH_BOTH, PTAE_MIX, WORDS_OUT, Batch, Mix
 from ptae_lite.language import TOKENS
 from ptae_lite.models import fast
 from ptae_lite.models.common import Answer, check_sizes, class_weights, losses
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
 from ptae_lite.models.gated import GatedUnit
 from ptae_lite.models.recurrent import RecurrentEncoder, spread
-from ptae_lite.signals import MIX_WITH_BOTH, PTAE_MIX, WORDS_OUT, Batch, Mix
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,13 @@ from dataclasses import asdict, dataclass, replace
 import torch
 from torch import Tensor, nn
 
+from ptae_lite.data.signals import MIX_WITH_BOTH, PTAE_MIX, WIRING, WORDS_OUT, Batch, Mix
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import signal_index
 from ptae_lite.models import encoders, fast
 from ptae_lite.models.common import Answer, class_weights, losses
 from ptae_lite.models.crossmodal import CrossmodalTransformer, TwoWay
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
-from ptae_lite.signals import MIX_WITH_BOTH, PTAE_MIX, WIRING, WORDS_OUT, Batch, Mix
 
 CHOICES = {
     "language_encoder": encoders.LANGUAGE,

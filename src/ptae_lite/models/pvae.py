@@ -25,13 +25,13 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional
 
+from ptae_lite.data.signals import WORDS_OUT, Batch, Mix
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import VOCABULARY, signal_index
 from ptae_lite.models import fast
 from ptae_lite.models.common import Answer, check_sizes, losses
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
 from ptae_lite.models.recurrent import RecurrentEncoder, reverse, spread
-from ptae_lite.signals import WORDS_OUT, Batch, Mix
 
 BY_ACTION = ("describe", "repeat action")  # the action's code starts both decoders
 BY_LANGUAGE = ("execute", "repeat language")

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from ptae_lite import artefacts
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
 from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import incongruence_table
 from ptae_lite.experiments.supervision import VARIANTS

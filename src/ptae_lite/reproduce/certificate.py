@@ -18,14 +18,15 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from ptae_lite import artefacts, dataset
+from ptae_lite import artefacts
 from ptae_lite.console import guarded
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.signals import Source
 from ptae_lite.errors import ArtefactError
 from ptae_lite.evaluation import evaluate, nrmse, poses, respond, sentences
 from ptae_lite.files import check_writable, whole
 from ptae_lite.models import checkpoint
 from ptae_lite.reproduce import fingerprints
-from ptae_lite.signals import Source
 
 FORMAT = "ptae-lite certificate 1"
 MODEL = "weights/ptae.safetensors"
@@ -60,7 +61,7 @@ def answers(trained, samples, name: str) -> list[dict]:
 def ask(name: str) -> dict:
     """The stored model's scores on all test clips, and its answers to those of a name."""
     trained = checkpoint.load(artefacts.stored(MODEL))
-    samples = dataset.load()
+    samples = load_samples()
     scores = {score: round(value, 3) for score, value in evaluate(trained, samples).items()}
     return {"scores": scores, "answers": answers(trained, samples, name)}
 

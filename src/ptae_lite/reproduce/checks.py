@@ -19,7 +19,8 @@ import pandas as pd
 import torch
 from PIL import Image
 
-from ptae_lite import artefacts, dataset, vision
+from ptae_lite import artefacts, vision
+from ptae_lite.data.samples import load_stored
 from ptae_lite.evaluation import evaluate, linear_describe_accuracy
 from ptae_lite.experiments import episodes as kept_episodes
 from ptae_lite.models import checkpoint
@@ -202,7 +203,7 @@ def drawing(worse: float) -> Check:
     """An eye: how far what it draws of the stored first frames is from them, one-sided."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
-        from ptae_lite import frames
+        from ptae_lite.data import frames
 
         keys = [key for key in frames.stored_keys() if key[2] == 0][::4]
         images = vision.as_input(frames.images(keys))
@@ -219,7 +220,7 @@ def drawing(worse: float) -> Check:
 def _readout(name: str, remade: Path, stored: Path) -> Comparison:
     scores = []
     for folder in (remade, stored):
-        samples = dataset.load_stored(folder)
+        samples = load_stored(folder)
         scores.append(linear_describe_accuracy(samples, samples.split("train")))
     return near({"% read right": ([scores[0]], [scores[1]])}, {"% read right": (5, 0)})
 
@@ -227,8 +228,7 @@ def _readout(name: str, remade: Path, stored: Path) -> Comparison:
 def _scores(name: str, remade: Path, stored: Path) -> Comparison:
     """Each model on the features of its own folder's eye."""
     made, was = (
-        evaluate(checkpoint.load(folder / name), dataset.load_stored(folder))
-        for folder in (remade, stored)
+        evaluate(checkpoint.load(folder / name), load_stored(folder)) for folder in (remade, stored)
     )
     rooms = {score: (5, 0) if score.endswith("accuracy") else (0.5, 0) for score in was}
     return near({score: ([made[score]], [was[score]]) for score in was}, rooms)

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from PIL import Image
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
 from ptae_lite.experiments.answer_source import FOLLOWED, distractor_of, truth_of
 from ptae_lite.experiments.conflict_examples import Stories
 from ptae_lite.experiments.incongruence import (

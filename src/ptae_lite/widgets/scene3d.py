@@ -15,8 +15,8 @@ from math import pi
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from ptae_lite import frames
-from ptae_lite.dataset import Samples
+from ptae_lite.data import frames
+from ptae_lite.data.samples import Samples
 from ptae_lite.errors import PTAEError
 from ptae_lite.language import SIDES, pattern, sentence
 from ptae_lite.plots import simulation as simulation_plots

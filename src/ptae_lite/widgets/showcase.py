@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from ptae_lite import frames
-from ptae_lite.dataset import Samples
+from ptae_lite.data import frames
+from ptae_lite.data.samples import Samples
 from ptae_lite.language import ACTIONS, SIDES, SPEEDS, pattern
 from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.scene3d import sample_scene

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from ptae_lite.dataset import Samples
+from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import ACTIONS, COLOURS, SIDES, patterns
 

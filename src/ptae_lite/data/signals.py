@@ -14,10 +14,10 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from ptae_lite.dataset import MAX_FRAMES
+from ptae_lite.data.samples import MAX_FRAMES
+from ptae_lite.data.scaling import Dataset
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import EOS, MEANINGS, SIGNALS, alternatives, encode, patterns, signal_index
-from ptae_lite.scaling import Dataset
 
 STEPS = MAX_FRAMES - 1  # the action decoder is given pose 1 and answers poses 2 to 100
 WORDS_OUT = 4  # action, colour, speed, EOS

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from ptae_lite.dataset import MAX_FRAMES, Samples
+from ptae_lite.data.samples import MAX_FRAMES, Samples
 from ptae_lite.errors import ConfigError
 
 JOINT_ROOM = 0.9  # joints lie in +-0.9: the home pose is at an extreme of some, tanh ends at 1

@@ -1,7 +1,7 @@
 """The 864 samples as arrays: load, check, split.
 
-`load` reads our recording (or a re-made one, or the authors' published folder) into `Samples`, raw
-and zero-padded to 100 frames. `scaling` makes them what a network takes.
+`load_samples` reads our recording (or a re-made one, or the authors' published folder) into
+`Samples`, raw and zero-padded to 100 frames. `scaling` brings them to a network's units.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from zipfile import BadZipFile
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ptae_lite import artefacts, authors
+from ptae_lite import artefacts
+from ptae_lite.data import authors
+from ptae_lite.data.splits import patterns_of
 from ptae_lite.errors import ArtefactError, ConfigError, RecordingError
 from ptae_lite.files import write_arrays
 from ptae_lite.language import patterns
-from ptae_lite.splits import patterns_of
 
 MAX_FRAMES = 100
 AUTHORS = "authors"  # the eye of the published features; its weights are not public
@@ -56,7 +57,7 @@ class Samples:
         return AUTHORS if self.holdout is None else f"{AUTHORS}, {self.holdout} held out"
 
 
-def load(data="recording", holdout: int | None = None) -> Samples:
+def load_samples(data="recording", holdout: int | None = None) -> Samples:
     """All samples: of the stored recording, a folder that `record` made, or the authors' folder.
 
     Args:

@@ -1,0 +1,54 @@
+"""Camera images as features: what an image encoder makes of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jaxtyping import Float, UInt8
+from torch import Tensor, nn
+
+from ptae_lite.errors import ConfigError
+
+
+def as_input(
+    images: UInt8[np.ndarray, "B 120 160 3"], device: str = "cpu"
+) -> Float[Tensor, "B 3 120 160"]:
+    """Camera images as a network takes them: 0 to 1, channels first (in name; not moved in memory).
+
+    Convolutions are faster on images whose channels lie side by side, as the camera gives them.
+    """
+    if images.ndim != 4 or images.shape[1:] != (120, 160, 3) or images.dtype != np.uint8:
+        raise ConfigError(
+            f"images are B x 120 x 160 x 3 bytes, not {images.shape} of {images.dtype}"
+        )
+    own = np.require(images, requirements="W")  # shared with other processes they cannot be written
+    return torch.from_numpy(own).to(device).permute(0, 3, 1, 2).float().div_(255)
+
+
+@torch.no_grad()
+def encode_images(
+    eye: nn.Module, images: UInt8[np.ndarray, "M 120 160 3"], batch: int = 100
+) -> Float[np.ndarray, "M F"]:
+    """Features of images."""
+    parts = [eye.encode(as_input(images[i : i + batch])) for i in range(0, len(images), batch)]
+    return torch.cat(parts).numpy()
+
+
+def encode_recording(
+    eye: nn.Module, folder, progress=lambda samples: samples
+) -> Float[np.ndarray, "M F"]:
+    """Features of every frame of a recording, sample after sample.
+
+    They go into one array: small ones of their own, made while images come and go, would keep the
+    memory around them from being used again (20 GB by the end).
+    """
+    from ptae_lite.language import pattern
+    from ptae_lite.robot.recorder import load_sequence, samples_in_order
+
+    samples = samples_in_order()
+    ends = np.cumsum([pattern(index).frames for index, _ in samples])
+    size = encode_images(eye, np.zeros((1, 120, 160, 3), np.uint8)).shape[1]
+    codes = np.empty((ends[-1], size), np.float32)
+    for sample, part in zip(progress(samples), np.split(codes, ends[:-1]), strict=True):
+        part[:] = encode_images(eye, load_sequence(folder, *sample).images)
+    return codes

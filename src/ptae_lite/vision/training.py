@@ -1,0 +1,136 @@
+"""The training of an autoencoder: pixel-wise cross-entropy, Adam, a rate that falls at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import torch
+from jaxtyping import UInt8
+from torch import nn
+from torch.nn import functional
+
+from ptae_lite import devices
+from ptae_lite.errors import ConfigError
+from ptae_lite.vision.features import as_input
+
+
+class PixelCrossEntropy(torch.autograd.Function):
+    """Mean over pixels of the cross-entropy of `sigmoid(z)` and `x`, the paper's loss.
+
+    Equal to `binary_cross_entropy(sigmoid(z), x)`, but without its two logarithms a pixel where
+    they are not asked for: the gradient is `(sigmoid(z) - x) / n`. Without `value` it returns 0.
+    """
+
+    @staticmethod
+    def forward(ctx, z, x, value: bool = True):
+        """The loss of logits `z` for images `x`, both (B, C, 120, 160)."""
+        ctx.save_for_backward((torch.sigmoid(z) - x).div_(z.numel()))
+        if not value:
+            return z.new_zeros(())
+        return functional.binary_cross_entropy_with_logits(z, x)
+
+    @staticmethod
+    def backward(ctx, outer):
+        """Its gradient by `z`; there is none by the images."""
+        return ctx.saved_tensors[0] * outer, None, None
+
+
+@dataclass(frozen=True)
+class EyeRecipe:
+    """How a CAE is trained."""
+
+    steps: int = 8000  # ours; the published code takes 10,000
+    batch: int = 16  # ours; published 200
+    learning_rate: float = 1e-3  # published; there it stays constant, see `EyeTraining`
+    seed: int = 0
+
+    def __post_init__(self):
+        if self.steps < 1 or self.batch < 1:
+            raise ConfigError("a CAE needs at least one step, and an image a batch")
+
+
+WARM_UP = 50  # steps until the learning rate is reached
+DECAY = 0.2  # of all steps: the share at the end in which it falls to zero
+
+
+def rate_share(step: int, steps: int | None) -> float:
+    """The learning rate at a step (from 0), as a share of the recipe's; `steps` as in `go`."""
+    share = min(1, (step + 1) / WARM_UP)
+    return share if steps is None else min(share, (steps - step) / (DECAY * steps))
+
+
+class EyeTraining:
+    """The training of a fresh CAE, which can be stopped, copied and gone on with.
+
+    The rate rises in a straight line over the first steps, stays, and falls in a straight line to
+    zero over the last fifth (ours). Until it falls, a training does not depend on how long it will
+    be: a long one passes through the states that shorter ones end from. Each step draws its batch
+    from the seed and its own number. The eye stays on the `device`.
+    """
+
+    def __init__(self, eye: nn.Module, recipe: EyeRecipe, device: str = "cpu"):
+        devices.check(device)
+        torch.manual_seed(recipe.seed)
+        for layer in eye.modules():
+            if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
+                layer.reset_parameters()
+        self.recipe, self.device, self.step = recipe, device, 0
+        gpu, rate = torch.device(device).type == "cuda", recipe.learning_rate
+        if gpu:  # a replayed step reads the rate where it lies
+            rate = torch.tensor(rate, device=device)
+        self.layout = torch.contiguous_format if gpu else torch.channels_last  # the faster there
+        self.eye = eye.to(device, memory_format=self.layout).train()
+        fused = None if gpu else True  # on a GPU PyTorch chooses
+        self.optimiser = torch.optim.Adam(eye.parameters(), lr=rate, capturable=gpu, fused=fused)
+
+    def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
+           progress=lambda steps: steps) -> list[float]:  # fmt: skip
+        """Train up to step `until` of `steps`; the losses of these steps, zeros without `value`.
+
+        Without `steps` the training is a long one, whose rate does not fall yet.
+        """
+        losses, update = [], devices.Replayed(partial(self._update, value=value))
+        for step in progress(range(self.step, until)):
+            rng = np.random.default_rng([self.recipe.seed, step])
+            some = images[rng.integers(0, len(images), self.recipe.batch)]
+            self._set_rate(self.recipe.learning_rate * rate_share(step, steps))
+            x = as_input(some, self.device).contiguous(memory_format=self.layout)
+            loss = update(x)
+            losses.append(loss.item() if value else 0.0)
+            self.step = step + 1
+        return losses
+
+    def _update(self, x, value: bool):
+        """One step on a batch; its loss."""
+        loss = PixelCrossEntropy.apply(self.eye.logits(x), x, value)
+        self.optimiser.zero_grad()
+        loss.backward()
+        self.optimiser.step()
+        return loss.detach()
+
+    def _set_rate(self, rate: float) -> None:
+        for group in self.optimiser.param_groups:
+            if torch.is_tensor(group["lr"]):
+                group["lr"].fill_(rate)
+            else:
+                group["lr"] = rate
+
+
+def train_eye(
+    eye: nn.Module,
+    images: UInt8[np.ndarray, "M 120 160 3"],
+    recipe: EyeRecipe = EyeRecipe(),
+    progress=lambda steps: steps,
+    device: str = "cpu",
+) -> list[float]:
+    """Train on random batches of `images` by pixel-wise cross-entropy; returns the loss curve.
+
+    Only frames of training patterns belong in `images`. The loss is the paper's; the schedule is
+    ours (`EyeTraining`). The arithmetic is done on the `device`; the eye comes back to the CPU.
+    """
+    training = EyeTraining(eye, recipe, device)
+    losses = training.go(images, recipe.steps, recipe.steps, progress=progress)
+    eye.to("cpu")
+    return losses
