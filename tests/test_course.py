@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_network
 
-from ptae_lite import artefacts, evaluation, language
+from ptae_lite import artefacts, baselines, evaluation, language
 from ptae_lite.book import course, exercise_check, notebooks
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
@@ -314,7 +314,7 @@ def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simula
     ago = np.maximum(np.arange(1, 100) - 10, 0)
     late = np.stack([samples.joints[i, np.minimum(ago, samples.frames[i] - 1)] for i in test])
     assert round(evaluation.nrmse(late, samples, test, scaling)[0]) == 18
-    assert round(evaluation.references(samples, scaling)["mean trajectory"][0]) == 11
+    assert round(baselines.references(samples, scaling)["mean trajectory"][0]) == 11
     tried = test[::9]
     for i in tried:
         joints = samples.joints[i, : samples.frames[i]]

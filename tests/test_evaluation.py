@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from ptae_lite import evaluation
+from ptae_lite import baselines, controls, evaluation
 from ptae_lite.data.scaling import Scaling, prepare
 from ptae_lite.data.signals import Source
 from ptae_lite.errors import LanguageError
@@ -121,22 +121,9 @@ def test_predicted_poses_are_compared_with_the_next_frames(samples, scaling):
     assert evaluation.nrmse(made, samples, indices, scaling)[1] < 1e-4
 
 
-def test_target_poses_are_the_clip_or_a_pose_held_still(samples):
-    indices = np.array([0, 863])
-    for signal, at in (("describe", [99, 49]), ("repeat language", [0, 0])):
-        held = evaluation.target_poses(samples, indices, signal)
-        for i, sample in enumerate(indices):
-            np.testing.assert_array_equal(held[i], [samples.joints[sample, at[i]]] * 99)
-    for signal in ("execute", "repeat action"):
-        clip = evaluation.target_poses(samples, indices, signal)
-        np.testing.assert_array_equal(clip, samples.joints[indices, 1:])
-
-
 def test_a_signal_that_does_not_exist_is_refused(trained, samples):
     source = Source(trained.dataset(samples))
     message = "no signal 'sing'; the signals are describe, execute, repeat action"
-    with pytest.raises(LanguageError, match=message):
-        evaluation.target_poses(samples, [0], "sing")
     with pytest.raises(LanguageError, match=message):
         evaluation.respond(trained, source, [0], "sing")
 
@@ -148,7 +135,7 @@ def test_references_by_hand(two):
     inside = np.arange(100) < samples.frames[:, None]
     joints = np.zeros((864, 100, 5))
     joints[..., 0] = (side[:, None] * (np.arange(100) > 0)) * inside
-    found = evaluation.references(replace(samples, joints=joints), scaling)
+    found = baselines.references(replace(samples, joints=joints), scaling)
     assert found["mean of action word and side"] == (0, 0)
     # off by 1 of a range of 2 in one of five joints, at every step
     assert found["hold the first pose"][1] == pytest.approx(100 * np.sqrt(0.5**2 / 5))
@@ -160,7 +147,7 @@ def test_references_by_hand(two):
 
 
 def test_knowing_more_of_the_action_never_hurts_on_training_samples(samples, scaling):
-    found = evaluation.references(samples, scaling, "train")
+    found = baselines.references(samples, scaling, "train")
     names = ["mean trajectory", "mean of action word", "mean of action word and side"]
     valid = [found[name][1] for name in names]
     assert valid == sorted(valid, reverse=True)
@@ -172,7 +159,7 @@ def test_where_no_training_clip_is_alike_the_mean_is_of_those_that_are_most_alik
     trained_on = {(shown[i].speed, shown[i].action) for i in few.split("train")}
     asked = [shown[i] for i in few.split("test")]
     assert any((p.speed, p.action) not in trained_on for p in asked)
-    made = evaluation._group_means(few, few.split("test"), few.split("train"), ("speed", "action"))
+    made = baselines._group_means(few, few.split("test"), few.split("train"), ("speed", "action"))
     for p, mean in zip(asked, made, strict=True):
         whole = (p.speed, p.action) in trained_on
         alike = [
@@ -223,7 +210,7 @@ def test_an_evaluation_names_its_numbers(trained, few):
 
 def test_controls_change_what_they_name_and_nothing_else(samples, make_batch):
     batch = make_batch([0, 6, 432, 500], "execute", 5)
-    changed = {name: change(batch) for name, change in evaluation.CONTROLS.items()}
+    changed = {name: change(batch) for name, change in controls.CONTROLS.items()}
     for name, part in (("sentence blanked", "tokens"), ("sentences shuffled", "tokens"),
                        ("speed word swapped", "tokens"), ("film frozen", "video")):  # fmt: skip
         for field, value in vars(batch).items():
@@ -245,8 +232,8 @@ def test_controls_change_what_they_name_and_nothing_else(samples, make_batch):
 
 
 def test_controls_are_scored_on_execute(trained, few):
-    found = evaluation.controls(trained, few)
-    assert list(found) == list(evaluation.CONTROLS)
+    found = controls.execute_errors(trained, few)
+    assert list(found) == list(controls.CONTROLS)
     scores = evaluation.evaluate(trained, few)
     assert found["as trained"] == (scores["execute_nrmse"], scores["execute_nrmse_valid"])
     assert len(set(found.values())) == len(found)
@@ -278,17 +265,17 @@ def telling(samples):
 
 def test_the_linear_baseline_reads_what_is_in_plain_view(telling):
     train, test = telling.split("train"), telling.split("test")
-    said = evaluation.linear_describe(telling, train, test)
+    said = baselines.linear_describe(telling, train, test)
     assert said == [pattern(int(i)).meaning for i in telling.pattern[test]]
-    assert evaluation.linear_describe_accuracy(telling, train) == 100
+    assert baselines.linear_describe_accuracy(telling, train) == 100
 
 
 def test_the_linear_baseline_is_taught_by_labelled_samples_alone(telling):
     one = telling.split("train")[:1]
-    said = evaluation.linear_describe(telling, one, telling.split("test"))
+    said = baselines.linear_describe(telling, one, telling.split("test"))
     assert set(said) == {pattern(int(telling.pattern[one[0]])).meaning}
 
 
 def test_the_linear_baseline_cannot_read_what_is_not_there(telling):
     blind = replace(telling, features=np.zeros_like(telling.features))
-    assert evaluation.linear_describe_accuracy(blind, blind.split("train")) < 40
+    assert baselines.linear_describe_accuracy(blind, blind.split("train")) < 40

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from ptae_lite import artefacts
+from ptae_lite.baselines import references
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
-from ptae_lite.evaluation import references
 from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use, encoders_table
 
 CHAPTER = Path(__file__).resolve().parents[1] / "book" / "02_vision.md"

@@ -4,9 +4,9 @@ import pandas as pd
 import pytest
 
 from ptae_lite import artefacts
+from ptae_lite.baselines import references
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
-from ptae_lite.evaluation import references
 from ptae_lite.experiments import family
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import MARGIN

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ptae_lite import artefacts, evaluation, training
+from ptae_lite import artefacts, baselines, evaluation, training
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.models import checkpoint
@@ -38,6 +38,6 @@ def test_it_follows_the_film_of_the_test_samples(scores):
     """Better than the mean motion of the same action on the same side, which has 2.8 %."""
     samples = load_samples("recording")
     fitted = fit_scaling(samples, samples.split("train"))
-    known, _ = evaluation.references(samples, fitted)["mean of action word and side"]
+    known, _ = baselines.references(samples, fitted)["mean of action word and side"]
     assert scores["execute_nrmse"] < known
     assert scores["repeat_action_nrmse"] < known

@@ -10,9 +10,10 @@ import torch
 
 import ptae_lite.__main__ as cli
 from ptae_lite import training
+from ptae_lite.baselines import linear_describe_accuracy
 from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
-from ptae_lite.evaluation import evaluate, linear_describe_accuracy
+from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import labels, supervision, tables
 from ptae_lite.experiments.supervision import Job
 from ptae_lite.language import alternatives, parse, patterns

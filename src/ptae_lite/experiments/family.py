@@ -15,17 +15,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from ptae_lite.baselines import references
+from ptae_lite.controls import execute_errors
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
 from ptae_lite.errors import ConfigError
-from ptae_lite.evaluation import (
-    controls,
-    correct,
-    evaluate,
-    new_scenes,
-    references,
-    respond,
-)
+from ptae_lite.evaluation import correct, evaluate, new_scenes, respond
 from ptae_lite.experiments import tables
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import MODELS, Trained
@@ -109,7 +104,7 @@ def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = N
     scored = evaluate(trained, samples)
     scored |= {
         f"execute_{name.replace(' ', '_')}": paper
-        for name, (paper, _) in controls(trained, samples).items() if name != "as trained"
+        for name, (paper, _) in execute_errors(trained, samples).items() if name != "as trained"
     }  # fmt: skip
     scored |= {  # what little knowledge gives, on these data
         f"reference_{name.replace(' ', '_')}": paper

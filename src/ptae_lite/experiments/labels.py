@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Int
 
+from ptae_lite.baselines import linear_describe
 from ptae_lite.data.samples import Samples
-from ptae_lite.evaluation import linear_describe
 from ptae_lite.language import Meaning, patterns, words_of
 from ptae_lite.training import label
 
@@ -32,7 +32,7 @@ def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.nd
 
 
 def linear_scores(samples: Samples, labelled, split: str = "test") -> dict[str, float]:
-    """Percent of a split that `evaluation.linear_describe` says right, and of each word."""
+    """Percent of a split that `baselines.linear_describe` says right, and of each word."""
     indices = samples.split(split)
     said = linear_describe(samples, labelled, indices)
     pairs = [(a, _meaning(samples, i)) for a, i in zip(said, indices, strict=True)]

@@ -20,8 +20,9 @@ import torch
 from PIL import Image
 
 from ptae_lite import artefacts, vision
+from ptae_lite.baselines import linear_describe_accuracy
 from ptae_lite.data.samples import load_stored
-from ptae_lite.evaluation import evaluate, linear_describe_accuracy
+from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import episodes as kept_episodes
 from ptae_lite.models import checkpoint
 

@@ -1,0 +1,124 @@
+"""Baselines: what somebody reaches who knows little, or who only adds up.
+
+`references` are trajectories without any learning: the scale to read a joint error by.
+`linear_describe` is a linear baseline for sentences.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from ptae_lite.data.samples import MAX_FRAMES, Samples
+from ptae_lite.data.scaling import Scaling
+from ptae_lite.data.signals import STEPS
+from ptae_lite.evaluation import nrmse
+from ptae_lite.language import SIDES, Meaning, patterns, words_of
+from ptae_lite.robot import inverse, motions
+from ptae_lite.vision import probes
+
+FRACTIONS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a clip, where the linear baseline looks at the joints
+BASELINE_PENALTY = 0.3  # of its ridge regressions, a sample; chosen on held-out patterns
+
+
+def references(samples: Samples, scaling: Scaling, split: str = "test") -> dict[str, tuple]:
+    """What NRMSE (paper's, valid) someone gets who knows little: the scale to read ours by.
+
+    The means are of the training clips that agree in what is known, or, where there is none, in as
+    much of it, from its first word on, as any do. The last one knows all that
+    can be known before the motion begins: the true places of the cubes and the sentence. It makes
+    the motion planner's plan without its chances (our recording alone; no places in the authors').
+    """
+    indices, known = samples.split(split), samples.split("train")
+    groups = {
+        "hold the first pose": None,
+        "mean trajectory": ("speed",),
+        "mean of action word": ("speed", "action"),
+        "mean of action word and side": ("speed", "action", "side"),
+    }
+    results = {}
+    for name, aspects in groups.items():
+        if aspects is None:
+            made = np.repeat(samples.joints[indices][:, :1], STEPS, axis=1)
+        else:
+            made = _group_means(samples, indices, known, aspects)
+        results[name] = nrmse(made, samples, indices, scaling)
+    if samples.cubes is not None:
+        planned = _planned(samples, indices)
+        results["plan from the true places"] = nrmse(planned, samples, indices, scaling)
+    return results
+
+
+def _planned(samples: Samples, indices):
+    """The plan of each sample for cubes where they lie, and the middle of everything else."""
+    paths = [
+        motions.fingertip_path(patterns()[samples.pattern[i]], motions.middle(places))
+        for i, places in zip(indices, samples.cubes[indices, 0, :, :2], strict=True)
+    ]
+    joints = inverse.solve(np.concatenate(paths))
+    made = np.zeros((len(indices), MAX_FRAMES, joints.shape[1]))
+    made[np.arange(MAX_FRAMES) < samples.frames[indices, None]] = joints
+    return made[:, 1:]
+
+
+def _group_means(samples, indices, known, aspects):
+    """Means of the training clips that agree in all aspects, or in as many first ones as any do."""
+
+    def keys(i):
+        shown = patterns()[samples.pattern[i]]
+        aspect = tuple(getattr(shown, name) for name in aspects)
+        return [aspect[:n] for n in range(len(aspects), -1, -1)]
+
+    groups: dict = {}
+    for i in known:
+        for key in keys(i):
+            groups.setdefault(key, []).append(i)
+    means = {k: samples.joints[group][:, 1:].mean(0) for k, group in groups.items()}
+    return np.stack([next(means[key] for key in keys(i) if key in means) for i in indices])
+
+
+def linear_describe(samples: Samples, labelled, indices) -> list[Meaning]:
+    """What a weighted sum says of each clip, taught by the `labelled` samples alone.
+
+    It sees the clip's length, the features of the first and the last frame, and the joints at five
+    moments; nothing else is given. It reads action, speed and side each by ridge regression, and
+    the colour by a regression made of the labelled clips of the side that it has read.
+    """
+    seen, told = _summary(samples), [patterns()[i] for i in samples.pattern]
+    classes = {name: words_of(name)[: len(words_of(name)) // 2] for name in Meaning._fields}
+
+    def read(name, values, known, asked):
+        if not len(asked):
+            return np.zeros(0, dtype=int)
+        labels = np.array([values.index(getattr(told[i], name)) for i in known])
+        return probes.fit_labels(seen[known], labels, BASELINE_PENALTY).labels(seen[asked])
+
+    labelled, indices = np.asarray(labelled), np.asarray(indices)
+    action, speed = (read(name, classes[name], labelled, indices) for name in ("action", "speed"))
+    side, colour = read("side", SIDES, labelled, indices), np.zeros(len(indices), dtype=int)
+    for i, name in enumerate(SIDES):
+        known = np.array([j for j in labelled if told[j].side == name], dtype=int)
+        asked = indices[side == i]
+        colour[side == i] = read(
+            "target_colour", classes["colour"], known if len(known) else labelled, asked
+        )
+    return [
+        Meaning(classes["action"][a], classes["colour"][c], classes["speed"][s])
+        for a, c, s in zip(action, colour, speed, strict=True)
+    ]
+
+
+def linear_describe_accuracy(samples: Samples, labelled, split: str = "test") -> float:
+    """Percent of a split that `linear_describe` says right."""
+    indices = samples.split(split)
+    true = [patterns()[i].meaning for i in samples.pattern[indices]]
+    said = linear_describe(samples, labelled, indices)
+    return 100 * float(np.mean([a == b for a, b in zip(said, true, strict=True)]))
+
+
+def _summary(samples: Samples) -> Float[np.ndarray, "S K"]:
+    last, item = samples.frames - 1, np.arange(len(samples.frames))
+    moments = [np.round(share * last).astype(int) for share in FRACTIONS]
+    joints = [samples.joints[item, t] for t in moments]
+    features = [samples.features[item, t] for t in (moments[0], moments[-1])]
+    return np.column_stack([samples.frames, *features, *joints]).astype(float)

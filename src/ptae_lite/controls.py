@@ -1,0 +1,63 @@
+"""Controls: which of its inputs does a model use? One is taken away or replaced by a false one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.signals import TOKENS_IN, Batch, Source
+from ptae_lite.evaluation import nrmse, poses, respond
+from ptae_lite.language import EOS, TOKENS, WORD_INDEX, words_of
+from ptae_lite.models.checkpoint import Trained
+
+
+def blank_sentence(batch: Batch) -> Batch:
+    """Control: the signal is left of the query, each word after it is EOS."""
+    return replace(batch, tokens=torch.where(torch.arange(TOKENS_IN) == 0, batch.tokens, EOS))
+
+
+def shuffled_sentences(batch: Batch) -> Batch:
+    """Control: each sample gets the sentence of the next one that is as long."""
+    tokens = batch.tokens.clone()
+    for frames in batch.frames.unique():
+        same = (batch.frames == frames).nonzero()[:, 0]
+        tokens[same] = batch.tokens[same.roll(-1)]
+    return replace(batch, tokens=tokens)
+
+
+def swapped_speed(batch: Batch) -> Batch:
+    """Control: *fast* for *slowly* and the reverse, in the same register; the clip stays."""
+    swap = torch.arange(len(TOKENS))
+    for one, other in zip(words_of("speed")[::2], words_of("speed")[1::2], strict=True):
+        swap[WORD_INDEX[one]], swap[WORD_INDEX[other]] = WORD_INDEX[other], WORD_INDEX[one]
+    return replace(batch, tokens=swap[batch.tokens])
+
+
+def frozen_film(batch: Batch) -> Batch:
+    """Control: the action decoder sees the first frame at every step."""
+    return replace(batch, video=batch.video[:, :1].expand_as(batch.video))
+
+
+CONTROLS = {
+    "as trained": lambda batch: batch,
+    "sentence blanked": blank_sentence,
+    "sentences shuffled": shuffled_sentences,
+    "speed word swapped": swapped_speed,
+    "film frozen": frozen_film,
+}
+
+
+def execute_errors(trained: Trained, samples: Samples, split: str = "test") -> dict[str, tuple]:
+    """NRMSE (paper's, valid) of execute when one of its inputs is taken away or made false.
+
+    A blank sentence and a frozen film are new to a model, so a part of the damage may come from
+    that; shuffled sentences and swapped words are ordinary sentences.
+    """
+    source, indices = Source(trained.dataset(samples)), samples.split(split)
+    results = {}
+    for name, change in CONTROLS.items():
+        answer = respond(trained, source, indices, "execute", change=change)
+        results[name] = nrmse(poses(answer, trained.scaling), samples, indices, trained.scaling)
+    return results
