@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from torch import nn
 
 import ptae_lite.__main__ as cli
 from ptae_lite import training
@@ -46,6 +47,25 @@ def small(monkeypatch, small_configs):
     return built
 
 
+class Idle(nn.Module):
+    """Learns nothing: for what can be seen before any model sees it."""
+
+    def __init__(self, config):
+        super().__init__()
+        self.action = nn.Linear(1, 1)
+
+    def costs(self, batch, paired):
+        return (self.action.weight.sum(), self.action.bias.sum())
+
+
+@pytest.fixture
+def idle(small, small_configs, monkeypatch):
+    """As `small`, at no cost: what a training draws does not depend on its model."""
+    idle = {k: (Idle, lambda features, k=k: small_configs[k]) for k in MODELS}
+    monkeypatch.setattr(training, "MODELS", idle)
+    return small
+
+
 @pytest.fixture
 def trainings(monkeypatch, small):
     """Which jobs were run."""
@@ -71,22 +91,22 @@ def supervised(built, model="ptae"):
     ("model", "share"), [("ptae", 5), ("ptae", 50), ("ptae", 90), ("pgae", 25)]
 )
 def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
-    few, small, model, share, variant
+    few, idle, model, share, variant
 ):
     this = job(share, 3, model, variant=variant)
     trained = supervision.fit(few, this, Recipe(epochs=4, batch=8))
     chosen = set(supervision.labelled(few, this).tolist())
-    count, asked = supervised(small, model)
-    assert len(small) == trained.about["steps"] == 12
+    count, asked = supervised(idle, model)
+    assert len(idle) == trained.about["steps"] == 12
     assert asked and asked <= chosen and trained.about["labelled"] == len(chosen)
     assert trained.about["supervised_presentations"] == count
     numbers = [signal_number(signal) for signal in NEED_LABEL[model]]
-    for part, signals, _ in small:
+    for part, signals, _ in idle:
         np.testing.assert_array_equal(np.isin(part, list(chosen)), np.isin(signals, numbers))
     if variant == "paper":  # each sample once an epoch
         assert count == 4 * len(chosen)
         for epoch in range(4):
-            parts = [part for part, *_ in small[3 * epoch : 3 * epoch + 3]]
+            parts = [part for part, *_ in idle[3 * epoch : 3 * epoch + 3]]
             assert sorted(np.concatenate(parts)) == few.split("train").tolist()
     else:
         assert count == 12 * 8 / 2
@@ -121,13 +141,13 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
     assert {int(i) for part, *_ in small for i in part} > set(chosen.tolist())
 
 
-def test_a_blend_is_of_labelled_clips_alone(few, small, monkeypatch):
+def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
     """Whatever partners are drawn: what was blended is to be described, and so is its partner."""
     seen, real = [], training.blend
 
     def blend(batch, share, partner):
         made = real(batch, share, partner)
-        own, other = small[-1][0], small[-1][0][partner]
+        own, other = idle[-1][0], idle[-1][0][partner]
         changed = ((made.keys != batch.keys).flatten(1).any(1) | (made.share < 1)).numpy()
         describe = (batch.tokens[:, 0] == signal_index("describe")).numpy()
         assert describe[changed].all() and describe[partner][changed].all()
@@ -141,30 +161,30 @@ def test_a_blend_is_of_labelled_clips_alone(few, small, monkeypatch):
 
 
 @pytest.mark.parametrize("mode", ["samples", "iterations"])
-def test_unpaired_sentences_are_repeated_beside_the_scene_of_a_stranger(few, small, mode):
+def test_unpaired_sentences_are_repeated_beside_the_scene_of_a_stranger(few, idle, mode):
     for variant in ("balanced", "unpaired"):
-        small.clear()
+        idle.clear()
         supervision.fit(few, job(25, mode=mode, variant=variant), Recipe(epochs=4, batch=8))
-        own = np.concatenate([p == told for p, _, told in small])
-        signals = np.concatenate([signals for _, signals, _ in small])
+        own = np.concatenate([p == told for p, _, told in idle])
+        signals = np.concatenate([signals for _, signals, _ in idle])
         assert own[signals != REPEAT_LANGUAGE].all()
         share = own[signals == REPEAT_LANGUAGE].mean()
         assert share == 1 if variant == "balanced" else share < 0.3
-    told = {int(t) for _, s, told in small for t in told[s == REPEAT_LANGUAGE]}
+    told = {int(t) for _, s, told in idle for t in told[s == REPEAT_LANGUAGE]}
     if mode == "samples":
         assert not told & set(supervision.labelled(few, job(25)).tolist())
 
 
 @pytest.mark.parametrize(("model", "share"), [("ptae", 10), ("pgae", 50), ("ptae", 2)])
-def test_few_supervised_updates_use_any_sample(few, small, model, share):
+def test_few_supervised_updates_use_any_sample(few, idle, model, share):
     this = job(share, model=model, mode="iterations", variant="paper")
     about = supervision.fit(few, this, Recipe(epochs=40, batch=8)).about
-    count, asked = supervised(small, model)
+    count, asked = supervised(idle, model)
     assert count / (40 * 24) == pytest.approx(share / 100, abs=0.03)
     assert about["supervised_presentations"] == count and about["labelled"] == 24
     assert asked <= set(few.split("train").tolist()) and len(asked) > 8
     if model == "pgae":  # describe, execute and repeat both share them equally
-        signals = np.concatenate([signals for _, signals, _ in small])
+        signals = np.concatenate([signals for _, signals, _ in idle])
         shares = [np.mean(signals == signal_number(s)) for s in NEED_LABEL["pgae"]]
         np.testing.assert_allclose(shares, share / 300, atol=0.04)
 
@@ -190,12 +210,12 @@ def test_the_regular_training_gives_a_row_of_either_experiment(few, small):
     assert rows["mode"].tolist() == ["samples"] and len(said) == 6
 
 
-def test_the_labelled_list_follows_its_seed_alone(few, small):
+def test_the_labelled_list_follows_its_seed_alone(few, idle):
     lists = []
     for seed, epochs in ((1, 2), (1, 3), (2, 2)):
-        small.clear()
+        idle.clear()
         supervision.fit(few, job(20, seed), Recipe(epochs=epochs, batch=8))
-        lists.append(supervised(small)[1])
+        lists.append(supervised(idle)[1])
     assert lists[0] == lists[1] != lists[2]
 
 

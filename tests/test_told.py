@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ptae_lite.errors import RobotError
 from ptae_lite.experiments import tasks as made_tasks
 from ptae_lite.language import ACTIONS, parse, pattern
 from ptae_lite.robot import motions
@@ -55,12 +56,28 @@ def test_families_meet_that_never_met_in_training(tasks):
         assert named == parse(task.told).colour
 
 
-def test_displaced_cubes_are_where_training_has_none(tasks):
+def test_displaced_cubes_are_where_training_has_none(tasks, monkeypatch):
+    monkeypatch.setattr(motions, "plan", lambda *_: None)  # what the arm can do is asked below
     for task in made_tasks.displaced(tasks):
         off = np.linalg.norm(task.stage.places_m - np.array(NOMINAL_PLACES_M), axis=1)
         assert np.allclose(off, 0.024)
         assert off.min() > np.sqrt(2) * motions.PLACE_JITTER_M  # the far corner of what is known
-        motions.plan(task.asked, motions.middle(task.stage.places_m))  # the arm can do it
+
+
+def test_places_that_the_arm_cannot_reach_are_drawn_again(tasks, monkeypatch):
+    some, tried, real = tasks[::12], [], motions.plan
+
+    def plan(asked, variation):
+        tried.append(variation.places_m)
+        if len(tried) == 1:
+            raise RobotError("out of reach")
+        return real(asked, variation)
+
+    monkeypatch.setattr(motions, "plan", plan)
+    made = made_tasks.displaced(some)
+    assert (made[0].stage.places_m == tried[1]).all() and (tried[0] != tried[1]).any()
+    for task in made:
+        real(task.asked, motions.middle(task.stage.places_m))  # the arm can do it
 
 
 def test_an_absent_colour_is_of_the_family_and_not_on_the_table(tasks):
