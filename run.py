@@ -19,6 +19,7 @@ from __future__ import annotations  # so that an old Python reaches the sentence
 import argparse
 import hashlib
 import importlib.util
+import json
 import os
 import re
 import shutil
@@ -30,7 +31,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent
-STAMP = Path(".venv", "installed.sha256")  # which environment.txt the .venv/ was made from
+STAMP = Path(".venv", "installed.json")  # what the .venv/ was made from, and where
 MINIMUM = (3, 11)
 NEEDED_GB = 6  # PyTorch with its CUDA libraries, and as much again while pip unpacks it
 TIERS = ("replay", "quick", "full")
@@ -43,6 +44,14 @@ NO_PYBULLET = (
     "Note: nothing can be recorded or acted out here, because PyBullet has wheels for Python 3.11 "
     "to 3.13 on Linux (x86-64), macOS and Windows only; everything else works."
 )
+# What another project sets for its Python, pytest or Jupyter, and would break ours by.
+FOREIGN = (
+    "PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONOPTIMIZE", "PYTHONWARNINGS",
+    "PYTEST_ADDOPTS", "PYTEST_PLUGINS", "PYTEST_DISABLE_PLUGIN_AUTOLOAD",
+    "JUPYTER_PATH", "VIRTUAL_ENV",
+)  # fmt: skip
+READER_GONE = 141  # the status of a program whose output nobody reads any more, as after `| head`
+INSTALLATION = Path("src", "ptae_lite", "book", "installation.py")  # makes it run this library
 
 
 class Stop(Exception):
@@ -92,13 +101,33 @@ def fingerprint(root: Path = ROOT) -> str:
     """Changes when an installation would: it covers the two files that decide one."""
     digest = hashlib.sha256()
     for name in ("environment.txt", "pyproject.toml"):
-        digest.update((root / name).read_bytes())
+        digest.update((root / name).read_bytes().replace(b"\r\n", b"\n"))
     return digest.hexdigest()
 
 
+def stamp(root: Path = ROOT) -> dict:
+    """What an installation here depends on, and where it is."""
+    python = ".".join(map(str, venv_version(root)))
+    return {"files": fingerprint(root), "python": python, "folder": str(root)}
+
+
+def read_stamp(root: Path = ROOT) -> dict:
+    """The stamp that the last installation left; empty where there was none."""
+    try:
+        found = json.loads((root / STAMP).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def write_stamp(root: Path = ROOT) -> None:
+    (root / STAMP).write_text(json.dumps(stamp(root)), encoding="utf-8")
+
+
 def is_installed(root: Path = ROOT) -> bool:
-    stamp = root / STAMP
-    return stamp.exists() and stamp.read_text(encoding="utf-8") == fingerprint(root)
+    """Whether the .venv/ holds what is asked for, wherever it was made."""
+    have, want = read_stamp(root), stamp(root)
+    return "folder" in have and have | {"folder": want["folder"]} == want
 
 
 def installer(python: Path, uv: str | None) -> list:
@@ -109,17 +138,17 @@ def installer(python: Path, uv: str | None) -> list:
 
 def install_commands(python: Path, uv: str | None) -> list:
     install = installer(python, uv)
-    # The package itself comes without dependencies: environment.txt has pinned them all.
-    return [[*install, "-r", "environment.txt"], [*install, "--no-deps", "-e", "."]]
+    return [[*install, "-r", "environment.txt"], [str(python), str(INSTALLATION)]]
 
 
 def child_environment(environ: dict, tier: str | None = None) -> dict:
     """The environment of everything started here: one thread per process, no random hashes."""
-    child = dict(environ)
+    child = {name: value for name, value in environ.items() if name not in FOREIGN}
     child["PTAE_TIER"] = tier or environ.get("PTAE_TIER") or TIERS[0]
     child["OMP_NUM_THREADS"] = "1"  # two kernels at once would otherwise fight for the cores
     child["PYTHONHASHSEED"] = "0"
     child["PYTHONUTF8"] = "1"  # texts are UTF-8, also where the system's locale is not
+    child["JUPYTER_PREFER_ENV_PATH"] = "1"  # kernels of ours, not those of the user's folder
     child["PYDEVD_DISABLE_FILE_VALIDATION"] = "1"  # silences a warning of the debugger
     if "PIP_FIND_LINKS" in environ:
         child.setdefault("UV_FIND_LINKS", environ["PIP_FIND_LINKS"])  # uv does not read pip's
@@ -162,15 +191,24 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
         check_venv_modules()
         check_disk(shutil.disk_usage(root).free)
         say("Making the virtual environment .venv/ ...")
+        # --clear: of an environment whose Python is gone, the packages fit no other.
         with log("venv") as file:
             failed = call(
-                [sys.executable, "-m", "venv", root / ".venv"], env, stdout=file, stderr=file
+                [sys.executable, "-m", "venv", "--clear", root / ".venv"],
+                env,
+                stdout=file,
+                stderr=file,
             )
         if failed:
             shutil.rmtree(root / ".venv", ignore_errors=True)  # half of one would be taken for one
             raise Stop("The virtual environment could not be made; build/logs/venv.log says why.")
     version = venv_version(root)
     check_python(version, "the one in .venv/ (delete that folder to have it made anew)")
+    before = read_stamp(root).get("folder", str(root))
+    if before != str(root):
+        say(f"The environment was made in {before}; from now on it belongs here.")
+        if call([python, INSTALLATION, "--from", before], env) == 0 and is_installed(root):
+            write_stamp(root)
     if is_installed(root):
         return python
     uv = shutil.which("uv")
@@ -183,7 +221,7 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
                 "The packages could not be installed; build/logs/install.log says why, the job "
                 "`doctor` whether they can be here, and the same command tries again."
             )
-    (root / STAMP).write_text(fingerprint(root), encoding="utf-8")
+    write_stamp(root)
     say(f"Installed in {time.monotonic() - start:.0f} s.")
     if call([python, "-c", FIND_PYBULLET], env):
         say(NO_PYBULLET)
@@ -274,7 +312,7 @@ def starter() -> str:
 
 def lab(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Open the chapters in JupyterLab, reachable from this machine only."""
-    command = [python, "-m", "jupyter", "lab", "--ip=127.0.0.1", "--ServerApp.root_dir=book"]
+    command = [python, "-m", "jupyterlab", "--ip=127.0.0.1", "--ServerApp.root_dir=book"]
     return call([*command, *args.extra], env)
 
 
@@ -285,7 +323,11 @@ def notebooks(python: Path, env: dict, args: argparse.Namespace) -> int:
 
 def doctor(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Say what is wrong here, and the command that mends each thing."""
-    return call([python, Path("src", "ptae_lite", "book", "doctor.py")], env)
+    # It looks at the variables that others are started without, and obeys none of them.
+    given = {name: os.environ[name] for name in FOREIGN if name in os.environ}
+    more = ["--line-endings"] if args.line_endings else []
+    alone = ["-E", "-X", "utf8"] if python == venv_python() else []
+    return call([python, *alone, Path("src", "ptae_lite", "book", "doctor.py"), *more], env | given)
 
 
 def full(python: Path, env: dict, args: argparse.Namespace) -> int:
@@ -334,6 +376,9 @@ def parse(argv: list) -> argparse.Namespace:
             sub.add_argument("--all", action="store_true", help="browser, kills, extras, all else")
         if job is notebooks:
             sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
+        if job is doctor:
+            text = "mend stored files whose line ends were changed"
+            sub.add_argument("--line-endings", action="store_true", help=text)
         if job is certify:
             sub.add_argument("--name", default="", help="who hands it in; decides what is asked")
             sub.add_argument("--out", default=ROOT / "build/certificate.json", help="file to write")
@@ -372,5 +417,17 @@ def main(argv: list) -> int:
         return 1
 
 
+def piped(argv: list) -> int:
+    """`main`, which ends without a word where nobody reads on, as in `run.py doctor | head -3`."""
+    try:
+        try:
+            return main(argv)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes
+        return READER_GONE
+
+
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(piped(sys.argv[1:]))

@@ -251,4 +251,6 @@ def main(arguments=None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    from ptae_lite.pipes import piped
+
+    sys.exit(piped(main))

@@ -1,6 +1,5 @@
 """The doctor: every thing it looks at, well and ill, with the command that mends it."""
 
-import ast
 import json
 import shutil
 import subprocess
@@ -10,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ptae_lite import artefacts
-from ptae_lite.book import doctor
+from ptae_lite.book import doctor, machine, memory
 from ptae_lite.book.doctor import GOOD, PROBLEM, WARNING
 
 ROOT = artefacts.ROOT
@@ -33,10 +32,13 @@ def have(**versions):
 
 
 def test_it_needs_nothing_but_the_standard_library():
-    tree = ast.parse(Path(doctor.__file__).read_text("utf-8"))
-    names = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
-    names |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
-    assert {name.split(".")[0] for name in names} <= sys.stdlib_module_names
+    before = "import sys; sys.path.insert(0, 'src'); before = {*sys.modules}"
+    after = "import ptae_lite.book.doctor; print(*({*sys.modules} - before))"
+    code = [sys.executable, "-I", "-S", "-c", f"{before}; {after}"]  # -S: there are no packages
+    done = subprocess.run(code, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    names = {name.split(".")[0] for name in done.stdout.split()}
+    assert names <= {*sys.stdlib_module_names, "ptae_lite"}
 
 
 def test_an_old_python_is_a_problem():
@@ -63,8 +65,6 @@ def test_packages_that_are_missing_or_of_another_version_are_named(root):
     found = doctor.check_packages(root, have(torch="2.12.0"))
     assert "numpy is missing (not 2.0), torch 2.12.0 (not 2.13.0)" in found.says
     assert found.mend.endswith("-m pip install -r environment.txt") and found.state == PROBLEM
-    found = doctor.check_packages(root, have(**good | {"ptae_lite": None}))
-    assert found.mend.endswith("-m pip install --no-deps -e .")
 
 
 def test_without_an_environment_there_is_one_thing_to_do(root):
@@ -119,15 +119,15 @@ def test_where_pytorch_has_no_wheel_that_is_the_problem(root, system, monkeypatc
 
 def test_the_disk_has_room_for_what_comes_next(tmp_path, monkeypatch):
     """The install if there is none, and runs after it."""
-    assert doctor.check_disk(int(3e9), tmp_path).state == GOOD  # as on a hub: torch is there
-    monkeypatch.setattr(doctor, "installed", lambda package: None)
+    assert machine.check_disk(int(3e9), tmp_path).state == GOOD  # as on a hub: torch is there
+    monkeypatch.setattr(machine, "installed", lambda package: None)
     for made, needed in ((False, 6), (True, 2)):
         if made:
             (tmp_path / ".venv").mkdir()
-        full = doctor.check_disk(int(1e9), tmp_path)
+        full = machine.check_disk(int(1e9), tmp_path)
         assert full.state == PROBLEM and f"1.0 GB are free, {needed} are needed" in full.says
         assert full.mend == f"{doctor.python()} -m pip cache purge"
-        assert doctor.check_disk(int(3e9), tmp_path).state == (GOOD if made else PROBLEM)
+        assert machine.check_disk(int(3e9), tmp_path).state == (GOOD if made else PROBLEM)
 
 
 def test_an_old_python_is_told_so_and_not_met_by_a_traceback(monkeypatch):
@@ -140,13 +140,12 @@ def test_an_old_python_is_told_so_and_not_met_by_a_traceback(monkeypatch):
 
 
 def test_disk_memory_cores_and_browser():
-    assert doctor.check_disk(int(9e9)).state == GOOD
-    assert doctor.check_memory(int(2e9)).state == WARNING
-    assert doctor.check_memory(int(8e9)).state == doctor.check_cores(2).state == GOOD
-    assert doctor.check_cores(1).state == WARNING
-    found = doctor.check_chromium(lambda name: None)
+    assert machine.check_disk(int(9e9)).state == GOOD
+    assert machine.check_cores(2).state == GOOD
+    assert machine.check_cores(1).state == WARNING
+    found = machine.check_chromium(lambda name: None)
     assert found.state == WARNING and "the tests skip" in found.says
-    assert doctor.check_chromium(lambda name: f"/bin/{name}").says == "/bin/chromium"
+    assert machine.check_chromium(lambda name: f"/bin/{name}").says == "/bin/chromium"
 
 
 def test_a_missing_and_a_damaged_file_are_named_with_what_restores_them(root):
@@ -187,6 +186,129 @@ def test_warnings_alone_are_no_failure(monkeypatch, capsys):
 def test_it_knows_this_project():
     found = {one.what: one.state for one in (*doctor.check_data(), doctor.check_python())}
     assert found == {"data": GOOD, "Python": GOOD}
+
+
+# ---------------------------------------------------------------- line ends
+
+
+@pytest.fixture
+def rewritten(root):
+    """A project with a table and a damaged file, both rewritten with the line ends of Windows."""
+    for name in ("table.csv", "broken.csv"):
+        (root / "data" / name).write_bytes(b"a,b\n1,2\n")
+        artefacts.register(name, command="x", seed=0, minutes=0, data=root / "data")
+    (root / "data/table.csv").write_bytes(b"a,b\r\n1,2\r\n")
+    (root / "data/broken.csv").write_bytes(b"a,b\r\n1,3\r\n")
+    return root
+
+
+def test_line_ends_are_told_apart_from_damage_and_mended(rewritten):
+    broken, ends = doctor.check_data(rewritten)
+    assert broken.says == "data/broken.csv is damaged"
+    assert "data/table.csv" in ends.says and "CRLF" in ends.says and ends.state == PROBLEM
+    assert ends.mend.endswith("run.py doctor --line-endings")
+    with pytest.raises(artefacts.ArtefactError, match="CRLF.*doctor --line-endings"):
+        artefacts.stored("table.csv", rewritten / "data")
+
+    assert doctor.mend_line_endings(rewritten) == ["table.csv"]
+    assert doctor.check_data(rewritten) == [broken]
+    assert (rewritten / "data/broken.csv").read_bytes() == b"a,b\r\n1,3\r\n"  # as it was
+    assert artefacts.stored("table.csv", rewritten / "data").read_bytes() == b"a,b\n1,2\n"
+    assert doctor.mend_line_endings(rewritten) == []
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="this is no checkout of git")
+@pytest.mark.parametrize("setting", ["core.autocrlf=true", "core.eol=crlf", "core.autocrlf=input"])
+def test_git_gives_the_same_bytes_on_every_system(setting, tmp_path):
+    """Its files as it would write them with a setting, as of Git for Windows."""
+    command = ["git", "-c", setting, "checkout-index", "--all", f"--prefix={tmp_path}/"]
+    subprocess.run(command, cwd=ROOT, check=True)
+    assert doctor.check_data(tmp_path)[0].state == GOOD
+    texts = [p for p in tmp_path.rglob("*") if p.suffix in (".py", ".md", ".csv", ".txt", ".ipynb")]
+    assert len(texts) > 100
+    assert [path.name for path in texts if b"\r\n" in path.read_bytes()] == []
+
+
+# ---------------------------------------------------------------- whose library
+
+
+def test_the_library_of_another_folder_is_a_problem(root, tmp_path_factory):
+    own, other = (
+        folder / "src/ptae_lite/__init__.py" for folder in (root, tmp_path_factory.mktemp("o"))
+    )
+    for path in (own, other):
+        path.parent.mkdir(parents=True)
+        path.touch()
+    assert doctor.check_library(root, str(own)).state == GOOD
+    for found in (str(other), ""):
+        finding = doctor.check_library(root, found)
+        assert finding.state == PROBLEM and finding.mend.endswith("pip install --no-deps -e .")
+    assert str(other.parents[1]) in doctor.check_library(root, str(other)).says
+
+    for folder, state in ((root, GOOD), ("/elsewhere", PROBLEM)):
+        (root / ".venv/installed.json").write_text(json.dumps({"folder": str(folder)}))
+        assert doctor.check_library(root, str(own)).state == state
+    assert "/elsewhere" in doctor.check_library(root, str(own)).says
+
+
+def test_this_library_is_the_one_that_is_found():
+    assert Path(doctor._find_library()).samefile(artefacts.ROOT / "src/ptae_lite/__init__.py")
+
+
+# ---------------------------------------------------------------- memory and settings
+
+
+def proc(folder, groups, **limits):
+    """Made-up `/proc` and `/sys`: the lines of this process's groups, and limits by their paths."""
+    path = folder / "proc/self/cgroup"
+    path.parent.mkdir(parents=True)
+    path.write_text(groups)
+    for name, text in limits.items():
+        path = folder / "sys/fs/cgroup" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text + "\n")
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("groups", "limits", "expected"),
+    [
+        ("0::/user/app\n", {"user/app/memory.max": "900", "memory.max": "max"}, 900),
+        ("0::/user/app\n", {"user/app/memory.max": "900", "user/memory.max": "800"}, 800),
+        ("0::/seen/from/outside\n", {"memory.max": "700"}, 700),  # in a container
+        ("5:cpu,memory:/a\n0::/\n", {"memory/a/memory.limit_in_bytes": "600"}, 600),
+        ("5:memory:/docker/7\n", {"memory/memory.limit_in_bytes": "500"}, 500),
+        ("5:cpu:/a\n", {"memory/memory.limit_in_bytes": "500"}, None),
+        ("0::/\n", {"memory.max": "max"}, None),
+    ],
+)
+def test_the_limit_of_a_container_is_read_in_both_versions(groups, limits, expected, tmp_path):
+    found = memory.limits(proc(tmp_path, groups, **limits))
+    found.pop("the machine", None)
+    assert [*found.values()] == ([] if expected is None else [expected])
+
+
+def test_where_the_system_says_nothing(tmp_path):
+    assert memory.limits(tmp_path).keys() <= {"the machine"}
+
+
+def test_the_least_limit_counts():
+    def state(**limits):
+        return machine.check_memory(limits).state
+
+    assert state(machine=int(8e9)) == GOOD and state() == GOOD
+    assert state(machine=int(8e9), group=int(1.2e9)) == WARNING
+    assert state(machine=int(8e9), group=int(0.5e9)) == PROBLEM
+    assert "by group" in machine.check_memory({"machine": 8 * 10**9, "group": 10**9}).says
+    found = machine.check_memory({"machine": 8 * 10**9}, addresses=10**9)
+    assert found.state == PROBLEM and "ulimit -v" in found.mend
+
+
+def test_settings_of_another_project_are_named():
+    assert machine.check_variables({"PATH": "x", "VIRTUAL_ENV": str(ROOT / ".venv")}) == []
+    found = machine.check_variables({"PYTHONPATH": "/opt/ros", "VIRTUAL_ENV": "/other/.venv"})
+    assert [one.state for one in found] == [WARNING, WARNING]
+    assert "PYTHONPATH=/opt/ros" in found[0].says and found[0].mend.endswith("PYTHONPATH")
 
 
 def newer_pythons() -> list[str]:

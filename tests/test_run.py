@@ -1,6 +1,8 @@
 """The entry script: its conditions, what makes it install again, and what it prints."""
 
 import importlib.util
+import os
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -8,6 +10,8 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+
+from ptae_lite.book import machine as doctor_machine
 
 ROOT = Path(__file__).resolve().parents[1]
 spec = importlib.util.spec_from_file_location("run", ROOT / "run.py")
@@ -87,9 +91,9 @@ def test_a_condition_that_fails_ends_in_one_sentence(monkeypatch, capsys):
 
 def test_first_installation_makes_the_environment_once(calls, root, capsys):
     python = run.ensure_environment({}, root)
-    assert [command[1:3] for command in calls[:3]] == [["-m", "venv"], *[["-m", "pip"]] * 2]
+    assert [command[1:3] for command in calls[:2]] == [["-m", "venv"], ["-m", "pip"]]
     assert calls[1][-2:] == ["-r", "environment.txt"]
-    assert calls[2][-3:] == ["--no-deps", "-e", "."]
+    assert (run.ROOT / calls[2][-1]).name == "installation.py"
     assert "Installing environment.txt" in capsys.readouterr().out
 
     assert run.ensure_environment({}, root) == python
@@ -98,6 +102,45 @@ def test_first_installation_makes_the_environment_once(calls, root, capsys):
     (root / "environment.txt").write_text("numpy==2.0\n")
     run.ensure_environment({}, root)
     assert len(calls) == 7  # both installations again, the environment itself stays
+
+
+def test_a_new_python_gets_packages_of_its_own(calls, root):
+    """Python was replaced by a newer one: its link leads nowhere, and no package is of its own."""
+    run.ensure_environment({}, root)
+    run.venv_python(root).unlink()
+    (root / ".venv" / "pyvenv.cfg").write_text("version = 3.13.0\n")  # as the new one writes it
+    shutil.rmtree(run.venv_python(root).parent)
+    del calls[:]
+    run.ensure_environment({}, root)
+    assert "--clear" in calls[0] and len(calls) == 4
+
+
+def test_an_environment_that_was_moved_is_made_to_fit_and_said_to_be(calls, root, capsys):
+    run.ensure_environment({}, root)
+    elsewhere = root.rename(root.with_name(f"{root.name} elsewhere"))
+    del calls[:]
+    run.ensure_environment({}, elsewhere)
+    ((python, script, *options),) = calls  # nothing is downloaded
+    assert python == str(run.venv_python(elsewhere)) and script == str(run.INSTALLATION)
+    assert options == ["--from", str(root)] and str(root) in capsys.readouterr().out
+    run.ensure_environment({}, elsewhere)
+    assert len(calls) == 1  # once
+
+
+def test_what_cannot_be_made_to_fit_is_tried_again(calls, root, monkeypatch):
+    run.ensure_environment({}, root)
+    elsewhere = root.rename(root.with_name(f"{root.name} elsewhere"))
+    del calls[:]
+    monkeypatch.setattr(run, "call", lambda command, env: calls.append(command) or 1)  # read-only
+    for times in (1, 2):
+        run.ensure_environment({}, elsewhere)
+        assert len(calls) == times
+
+
+def test_line_ends_make_no_other_environment(root):
+    before = run.fingerprint(root)
+    (root / "environment.txt").write_bytes(b"numpy==1.0\r\n")
+    assert run.fingerprint(root) == before
 
 
 def test_a_failed_installation_is_tried_again(calls, root, monkeypatch):
@@ -188,6 +231,50 @@ def test_children_get_fixed_settings():
     assert run.child_environment({"PTAE_TIER": "quick"}, "full")["PTAE_TIER"] == "full"
 
 
+def test_children_do_not_get_what_another_project_set():
+    foreign = {name: "x" for name in run.FOREIGN}
+    env = run.child_environment(foreign | {"PATH": "p", "PYTHONDONTWRITEBYTECODE": "1"})
+    assert not env.keys() & foreign.keys()
+    assert (env["PATH"], env["PYTHONDONTWRITEBYTECODE"]) == ("p", "1")
+    assert {*doctor_machine.FOREIGN, "VIRTUAL_ENV"} == {*run.FOREIGN}  # it names the same
+
+
+def test_a_foreign_python_path_does_not_reach_pytest(tmp_path):
+    """As with ROS: a package on the path registers a plugin with a hook that pytest lacks."""
+    ros, tests = tmp_path / "ros", tmp_path / "tests"
+    about = ros / "launch-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: launch\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text("[pytest11]\nlaunch = launch_plugin\n")
+    (ros / "launch_plugin.py").write_text("def pytest_launch_collect_makemodule(): ...\n")
+    tests.mkdir()
+    (tests / "test_it.py").write_text("def test_it(): ...\n")
+    (tests / "pytest.ini").write_text("[pytest]\n")
+    given = dict(os.environ) | {"PYTHONPATH": str(ros)}
+
+    def status(env):
+        command = [sys.executable, "-m", "pytest", "-q"]
+        return subprocess.run(command, env=env, cwd=tests, capture_output=True).returncode
+
+    assert status(given) != 0 and status(run.child_environment(given)) == 0
+
+
+def test_a_kernel_does_not_get_the_packages_of_another_environment(tmp_path):
+    """IPython puts those of an active environment in front of its own."""
+    code = "import sys; from IPython import start_ipython; start_ipython(['-c', sys.argv[1]])"
+    shown = "import sys; print(sys.path[0])"
+    for environ in (dict(os.environ), run.child_environment(dict(os.environ))):
+        environ["IPYTHONDIR"] = str(tmp_path / "ipython")
+    given = environ | {"VIRTUAL_ENV": str(tmp_path)}
+
+    def path(env):
+        command = [sys.executable, "-c", code, shown]
+        return subprocess.run(command, env=env, capture_output=True, text=True).stdout
+
+    assert str(tmp_path) in path(given)
+    assert str(tmp_path) not in path(run.child_environment(given))
+
+
 # ---------------------------------------------------------------- the jobs
 
 
@@ -204,11 +291,12 @@ def test_the_book_is_built_by_the_environment(status, ends, calls, monkeypatch, 
 def test_the_doctor_installs_nothing_and_needs_no_environment(calls, root, monkeypatch):
     monkeypatch.setattr(run, "ensure_environment", lambda env: 1 / 0)
     assert run.main(["doctor"]) == 0
-    ((python, script),) = calls
-    assert python == sys.executable and (ROOT / script).is_file()
+    ((python, *_, script),) = calls
+    assert python in (sys.executable, str(run.venv_python())) and (ROOT / script).is_file()
     monkeypatch.setattr(run, "venv_python", lambda: root / "environment.txt")  # a file that exists
-    run.main(["doctor"])
-    assert calls[1][0] == str(root / "environment.txt")
+    run.main(["doctor", "--line-endings"])
+    assert calls[1][0] == str(root / "environment.txt") and "-E" in calls[1]  # it obeys no variable
+    assert calls[1][-1] == "--line-endings"
 
 
 def test_a_certificate_runs_the_chapters_as_they_are_stored(calls, monkeypatch, tmp_path):
@@ -368,3 +456,30 @@ def test_what_goes_to_a_log_is_not_shown_but_a_clock_in_a_terminal(root, monkeyp
         assert (root / "build" / "logs" / "job.log").read_text().split() == ["noise"]
         shown = capfd.readouterr().out
         assert "noise" not in shown and "\n" not in shown and bool(shown) is terminal
+
+
+def test_the_doctor_is_told_of_the_variables_that_others_are_started_without(monkeypatch):
+    seen = []
+    monkeypatch.setattr(run, "call", lambda command, env: seen.append(env) or 0)
+    monkeypatch.setenv("PYTHONPATH", "elsewhere")
+    monkeypatch.setattr(run, "ensure_environment", lambda env: Path(sys.executable))
+    run.main(["doctor"])
+    run.main(["notebooks"])
+    assert seen[0]["PYTHONPATH"] == "elsewhere" and "PYTHONPATH" not in seen[1]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows reports a closed pipe in another way")
+@pytest.mark.parametrize(
+    "command",
+    [["run.py", "doctor"], ["-m", "ptae_lite.reproduce.pipeline", "--plan"]],
+    ids=" ".join,
+)
+def test_a_command_whose_output_nobody_reads_ends_quietly(command):
+    """As before `| head -3`, when head has seen enough."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, *command], cwd=ROOT, stdout=writer, stderr=subprocess.PIPE, text=True
+    )
+    os.close(writer)
+    assert done.stderr == "" and done.returncode == run.READER_GONE

@@ -27,6 +27,7 @@ from ptae_lite.console import (
 )
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone, check_writable
+from ptae_lite.pipes import piped
 
 TRAINED = ("ptae", "pgae", "pvae", "prae", "cae", "plain-cae")
 
@@ -230,4 +231,4 @@ def show(options) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(piped(main))

@@ -76,6 +76,11 @@ def stored(name: str, data: Path | None = None) -> Path:
         raise ArtefactError(f"data/{name} is missing; {mend}")
     status = path.stat()
     if sha256(path, status.st_mtime_ns, status.st_size) != entry["sha256"]:
+        if has_windows_lines(path, entry["sha256"]):
+            raise ArtefactError(
+                f"data/{name} was given the line ends of Windows (CRLF), by git or by an editor; "
+                "mend it with: python3 run.py doctor --line-endings"
+            )
         raise ArtefactError(f"data/{name} is damaged: its SHA-256 is not the manifest's; {mend}")
     return path
 
@@ -86,6 +91,12 @@ def inside(name: str, data: Path) -> Path:
     if not path.resolve().is_relative_to(data.resolve()):
         raise ArtefactError(f"{name!r} leads out of {data}; a stored file lies inside it")
     return path
+
+
+def has_windows_lines(path: Path, digest: str) -> bool:
+    """Whether a file would have this SHA-256 if its lines ended in LF instead of CRLF."""
+    content = path.read_bytes().replace(b"\r\n", b"\n")
+    return hashlib.sha256(content).hexdigest() == digest
 
 
 @lru_cache(maxsize=64)

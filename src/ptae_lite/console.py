@@ -52,6 +52,8 @@ def guarded(name: str, work: Callable[[], int | None]) -> int:
         return work() or 0
     except PTAEError as error:
         sentence = str(error)
+    except BrokenPipeError:  # nobody reads on: see `piped`
+        raise
     except OSError as error:  # where the system says no: a full disk in the middle of a table
         sentence = cannot_write(error.filename or "a file", error)
     except BrokenExecutor:

@@ -66,7 +66,9 @@ def test_a_locale_without_utf8(project):
         "sys.exit(console.guarded('read', lambda: print('M\\u00fcller \\u2192 \\u0410')))\n"
     )
     with unchanged(project / "data"):
-        run = python("-c", code, ROOT / "book", cwd=project, **NO_UTF8)
+        run = python(
+            "-c", code, ROOT / "book", cwd=project, PYTHONPATH=str(project / "src"), **NO_UTF8
+        )
     assert run.returncode == 0, run.stderr
     assert run.stdout.split() == ["M\\xfcller", "\\u2192", "\\u0410"]
 

@@ -32,6 +32,7 @@ from nbformat import NotebookNode
 
 from ptae_lite.book import notebooks
 from ptae_lite.errors import ArtefactError, PTAEError
+from ptae_lite.pipes import piped
 
 FOLDER = Path("book", "exercises")
 FRONT_PAGE = "for_the_teacher.md"
@@ -259,4 +260,4 @@ def main(argv: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(piped(lambda: main(sys.argv[1:])))

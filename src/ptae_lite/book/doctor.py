@@ -1,6 +1,7 @@
 """What is wrong here, and the command that mends each thing: `python3 run.py doctor`.
 
-Standard library only, and nothing else of this package: it has to run where the rest cannot.
+Standard library only, like the parts that it takes from this folder: it has to run where the rest
+cannot.
 """
 
 from __future__ import annotations
@@ -16,16 +17,26 @@ import re
 import shutil
 import subprocess
 import sys
-from importlib import metadata
 from pathlib import Path
-from typing import NamedTuple
 
-ROOT = Path(__file__).resolve().parents[3]
-GOOD, WARNING, PROBLEM = "good", "warning", "PROBLEM"
+if __name__ == "__main__":  # of this folder, whatever is installed and wherever it is called
+    os.chdir(Path(__file__).resolve().parents[3])
+    sys.path.insert(0, "src")
+
+from ptae_lite.book import machine
+from ptae_lite.book.finding import (
+    GOOD,
+    PROBLEM,
+    ROOT,
+    WARNING,
+    Finding,
+    installed,
+    python,
+    starter,
+)
+from ptae_lite.pipes import piped
+
 MINIMUM = (3, 11)
-FREE_GB, INSTALL_GB = 2, 6  # a full re-run leaves some 0.5 GB; the install needs more
-MEMORY_GB = 3  # a CAE takes 1.4 GB
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 MANAGER = "labextensions/@jupyter-widgets/jupyterlab-manager/package.json"
 FRONT_END_OF = {"7": "3", "8": "5"}  # major versions: of ipywidgets, and of its part in JupyterLab
 PIN = re.compile(r"^([\w.-]+)==([^\s;]+)\s*(?:;\s*(.*))?$")
@@ -34,26 +45,6 @@ COMPARE = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.G
 SIMULATORS = ("pybullet", "pybullet-arm64")  # two packages with one module: pybullet, and its fork
 # Where PyTorch has no wheel of the version that environment.txt asks for.
 NO_TORCH = {("darwin", "x86_64"): "macOS on Intel processors", ("win32", "ARM64"): "Windows on ARM"}
-
-
-class Finding(NamedTuple):
-    """One line: what was looked at, how it is, and the command that mends it."""
-
-    what: str
-    state: str
-    says: str
-    mend: str = ""
-
-
-def python() -> str:
-    """The Python that runs this, as a reader in the project's folder would type it."""
-    path = Path(sys.executable)
-    text = str(path.relative_to(ROOT) if path.is_relative_to(ROOT) else path)
-    return f'"{text}"' if " " in text else text
-
-
-def starter() -> str:
-    return "py run.py" if os.name == "nt" else "python3 run.py"
 
 
 def check_python(version=sys.version_info) -> Finding:
@@ -93,13 +84,6 @@ def pins(environment: Path) -> dict[str, str]:
     return {match[1]: match[2] for match in found if match and holds(match[3])}
 
 
-def installed(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
-
-
 def check_packages(root: Path = ROOT, have=installed) -> Finding:
     torchless = NO_TORCH.get((sys.platform, platform.machine()))
     if torchless and have("torch") is None:
@@ -119,10 +103,42 @@ def check_packages(root: Path = ROOT, have=installed) -> Finding:
         listed = ", ".join(wrong[:4]) + (f" and {len(wrong) - 4} more" if len(wrong) > 4 else "")
         mend = f"{python()} -m pip install -r environment.txt"
         return Finding("packages", PROBLEM, f"not as environment.txt says: {listed}", mend)
-    if have("ptae_lite") is None:
-        mend = f"{python()} -m pip install --no-deps -e ."
-        return Finding("packages", PROBLEM, "the library itself is not installed", mend)
     return Finding("packages", GOOD, f"{len(wanted)} as environment.txt says")
+
+
+def check_library(root: Path = ROOT, found: str | None = None) -> Finding:
+    """Python has to find the library of this folder, and the programs of .venv/ to start this one.
+
+    Args:
+        found: the library's file, if not what a fresh Python finds.
+    """
+    own = root / "src" / "ptae_lite" / "__init__.py"
+    found = _find_library() if found is None else found
+    if not found or not Path(found).exists() or not own.samefile(found):
+        says = f"Python finds the one in {Path(found).parents[1]}" if found else "is not installed"
+        mend = f"{python()} -m pip install --no-deps -e ."
+        return Finding("library", PROBLEM, f"{says}, not the one in {own.parents[1]}", mend)
+    try:
+        made = json.loads((root / ".venv" / "installed.json").read_text(encoding="utf-8"))["folder"]
+    except (OSError, ValueError, KeyError, TypeError):
+        made = str(root)  # an environment of the reader's own
+    if made != str(root):
+        says = f".venv/ was made in {made}, and its programs start the Python of there"
+        return Finding("library", PROBLEM, says, f"{starter()} book")
+    return Finding("library", GOOD, str(own.parent))
+
+
+def _find_library() -> str:
+    code = "import importlib.util as u; s = u.find_spec('ptae_lite'); print(s.origin if s else '')"
+    run = subprocess.run(
+        [sys.executable, *_isolated(), "-c", code], cwd=ROOT, capture_output=True, text=True
+    )
+    return run.stdout.strip()
+
+
+def _isolated() -> list[str]:
+    """What starts another Python that obeys the same variables as this one."""
+    return ["-E"] if sys.flags.ignore_environment else []
 
 
 def jupyter_folders() -> list[Path]:
@@ -181,57 +197,13 @@ def check_pybullet(environment: Path = ROOT / "environment.txt", works=None) -> 
 
 
 def _pybullet_works() -> bool:
-    return (
-        subprocess.run([sys.executable, "-c", "import pybullet"], capture_output=True).returncode
-        == 0
-    )
+    command = [sys.executable, *_isolated(), "-c", "import pybullet"]
+    return subprocess.run(command, capture_output=True).returncode == 0
 
 
-def check_disk(free_bytes: int | None = None, root: Path = ROOT) -> Finding:
-    free = (shutil.disk_usage(root).free if free_bytes is None else free_bytes) / 1e9
-    there = (root / ".venv").exists() or installed("torch")  # a hub has its own
-    needed = FREE_GB if there else INSTALL_GB
-    if free < needed:
-        says = f"{free:.1f} GB are free, {needed} are needed; your runs lie in {root / 'build'}"
-        return Finding("disk", PROBLEM, says, f"{python()} -m pip cache purge")
-    return Finding("disk", GOOD, f"{free:.1f} GB are free")
-
-
-def memory_bytes() -> int | None:
-    """The memory this process may have, by the machine and by its container."""
-    try:
-        whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):
-        return None  # Windows
-    limit = Path("/sys/fs/cgroup/memory.max")
-    text = limit.read_text(encoding="ascii").strip() if limit.is_file() else ""
-    return min(whole, int(text)) if text.isdigit() else whole
-
-
-def check_memory(given: int | None = None) -> Finding:
-    whole = memory_bytes() if given is None else given
-    if whole is None:
-        return Finding("memory", GOOD, "not asked on this system")
-    if whole < 0.9 * MEMORY_GB * 1e9:
-        says = f"{whole / 1e9:.1f} GB: enough for the chapters; training a CAE takes 1.4"
-        return Finding("memory", WARNING, says)
-    return Finding("memory", GOOD, f"{whole / 1e9:.1f} GB")
-
-
-def check_cores(count: int | None = None) -> Finding:
-    usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
-    count = count or len(usable(0))
-    says = f"{count}; everything runs on one, a full re-run is planned for two"
-    return Finding("cores", GOOD if count > 1 else WARNING, says)
-
-
-def check_chromium(find=shutil.which) -> Finding:
-    path = next(filter(None, map(find, BROWSERS)), None)
-    if path:
-        return Finding("Chromium", GOOD, path)
-    mend = "sudo apt install chromium" if sys.platform == "linux" else ""
-    says = "is not installed: the tests skip what they would look at in a browser"
-    return Finding("Chromium", WARNING, says, mend)
+def _hashes(data: Path) -> dict[str, str]:
+    entries = json.loads((data / "MANIFEST.json").read_text(encoding="utf-8"))
+    return {name: entry["sha256"] for name, entry in entries.items()}
 
 
 def check_data(root: Path = ROOT) -> list[Finding]:
@@ -239,28 +211,47 @@ def check_data(root: Path = ROOT) -> list[Finding]:
     data, git = root / "data", (root / ".git").exists() and shutil.which("git")
     anew = "download the project again; what is in data/ belongs to it"
     try:
-        entries = json.loads((data / "MANIFEST.json").read_text(encoding="utf-8"))
-        hashes = {name: entry["sha256"] for name, entry in entries.items()}
+        hashes = _hashes(data)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         mend = "git checkout data/MANIFEST.json" if git else anew
         return [Finding("data", PROBLEM, "data/MANIFEST.json is missing or damaged", mend)]
-    found = []
+    found, with_crlf = [], []
     for name, digest in sorted(hashes.items()):
         path, state = data / name, "missing"
         if path.is_file():
-            state = "damaged"
-            if hashlib.sha256(path.read_bytes()).hexdigest() == digest:
+            state, content = "damaged", path.read_bytes()
+            if hashlib.sha256(content).hexdigest() == digest:
+                continue
+            if hashlib.sha256(content.replace(b"\r\n", b"\n")).hexdigest() == digest:
+                with_crlf.append(name)
                 continue
         mend = f'git checkout "data/{name}"' if git else anew
         found.append(Finding("data", PROBLEM, f"data/{name} is {state}", mend))
+    if with_crlf:
+        says = f"{len(with_crlf)} files, such as data/{with_crlf[0]}, were given the line ends of "
+        says += "Windows (CRLF), by git or by an editor"
+        mend = f"{starter()} doctor --line-endings"
+        found.append(Finding("data", PROBLEM, says, mend))
     return found or [Finding("data", GOOD, f"{len(hashes)} stored files, whole")]
+
+
+def mend_line_endings(root: Path = ROOT) -> list[str]:
+    """Write stored files whose line ends were changed as they were; their names."""
+    hashes, mended = _hashes(root / "data"), []
+    for name, digest in sorted(hashes.items()):
+        path = root / "data" / name
+        content = path.read_bytes().replace(b"\r\n", b"\n") if path.is_file() else b""
+        if hashlib.sha256(content).hexdigest() == digest and len(content) < path.stat().st_size:
+            path.write_bytes(content)
+            mended.append(name)
+    return mended
 
 
 def examine() -> list[Finding]:
     packages = check_packages()
     parts = [check_widgets(), check_pybullet()] if installed("torch") else []
-    machine = [check_disk(), check_memory(), check_cores(), check_chromium()]
-    return [check_python(), packages, *parts, *machine, *check_data()]
+    own = [check_python(), packages, check_library(), *parts]
+    return [*own, *machine.examine(), *check_data()]
 
 
 def report(findings: list[Finding]) -> str:
@@ -280,7 +271,13 @@ def report(findings: list[Finding]) -> str:
 def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(prog="run.py doctor", description=__doc__.split("\n\n")[0])
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
+    parser.add_argument(
+        "--line-endings", action="store_true", help="mend stored files that have other line ends"
+    )
     options = parser.parse_args(arguments)
+    if options.line_endings:
+        for name in mend_line_endings():
+            print(f"mended   data/{name}")
     findings = examine()
     if options.json:
         print(json.dumps([one._asdict() for one in findings], indent=1))
@@ -290,4 +287,4 @@ def main(arguments=None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(piped(main))

@@ -23,6 +23,7 @@ from nbformat import NotebookNode
 
 from ptae_lite.errors import ArtefactError, FileError
 from ptae_lite.files import whole
+from ptae_lite.pipes import piped
 
 LIMIT_BYTES = 500_000
 EMBED_MARK = "data-ptae-embed"  # stands in the HTML of every 3-D viewer
@@ -150,4 +151,4 @@ def main(argv: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(piped(lambda: main(sys.argv[1:])))

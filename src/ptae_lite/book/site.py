@@ -18,6 +18,7 @@ from pathlib import Path
 from ptae_lite.artefacts import ROOT
 from ptae_lite.console import guarded
 from ptae_lite.files import alone
+from ptae_lite.pipes import piped
 
 TIMES = "chapter_times.json"
 ENDED = "chapters_ended.jsonl"  # the book's conf.py adds a line as each chapter ends
@@ -124,4 +125,4 @@ def main(arguments=None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(piped(main))

@@ -39,6 +39,7 @@ from ptae_lite.files import whole, write_arrays
 from ptae_lite.language import ACTIONS, pattern
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
+from ptae_lite.pipes import piped
 
 MODEL = "weights/ptae.safetensors"
 TOLD, KEPT = "incongruence_stories.csv", "incongruence_stories.npz"
@@ -123,7 +124,7 @@ def write(folder, trained: Trained, samples: Samples, films) -> list[Path]:
     told, kept = (Path(folder) / name for name in (TOLD, KEPT))
     stories = tell(trained, samples, int(samples.split("test")[0]), films)
     with whole(told) as beside:
-        stories.told.to_csv(beside, index=False)
+        stories.told.to_csv(beside, index=False, lineterminator="\n")
     write_arrays(kept, joints=stories.joints, films=films)
     return [told, kept]
 
@@ -163,4 +164,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(piped(main))

@@ -51,7 +51,9 @@ def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None 
             again = _index(old, key).isin(_index(rows, key))
             rows = pd.concat([old[~again], rows], ignore_index=True)
         with whole(path) as beside:
-            rows.sort_values(order or key, kind="stable").to_csv(beside, index=False)
+            rows.sort_values(order or key, kind="stable").to_csv(
+                beside, index=False, lineterminator="\n"
+            )
 
 
 def completed(rows: pd.DataFrame, old: pd.DataFrame, key: list[str]) -> pd.DataFrame:

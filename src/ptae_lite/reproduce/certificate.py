@@ -26,6 +26,7 @@ from ptae_lite.errors import ArtefactError
 from ptae_lite.evaluation import evaluate, nrmse, poses, respond, sentences
 from ptae_lite.files import check_writable, whole
 from ptae_lite.models import checkpoint
+from ptae_lite.pipes import piped
 from ptae_lite.reproduce import fingerprints
 
 FORMAT = "ptae-lite certificate 1"
@@ -216,4 +217,4 @@ def main(arguments=None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(piped(main))

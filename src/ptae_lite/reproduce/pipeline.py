@@ -13,6 +13,7 @@ from pathlib import Path
 from ptae_lite import devices
 from ptae_lite.console import guarded, refuse_data, whole_number
 from ptae_lite.files import alone
+from ptae_lite.pipes import piped
 from ptae_lite.reproduce import report
 from ptae_lite.reproduce.rerun import Rerun, Settings
 from ptae_lite.reproduce.stages import STAGES, Stage
@@ -57,4 +58,4 @@ def show_plan(rerun: Rerun) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(piped(main))

@@ -180,7 +180,9 @@ class Rerun:
             with whole(kept) as beside:
                 if check.key and stored.exists():  # chapters ask for rows that a re-run lacks
                     both = (tables.read(path, list(check.key)) for path in (made, stored))
-                    tables.completed(*both, list(check.key)).to_csv(beside, index=False)
+                    tables.completed(*both, list(check.key)).to_csv(
+                        beside, index=False, lineterminator="\n"
+                    )
                 else:
                     shutil.copyfile(made, beside)
             artefacts.register(name, command=command, seed=None, minutes=minutes,

@@ -1,0 +1,68 @@
+"""Make the `.venv/` of this project run its own library: `python installation.py [--from FOLDER]`.
+
+It is run by the Python of the environment, before anything else works: standard library only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import sysconfig
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+LINK = "00_ptae_lite.pth"  # read before an editable installation of elsewhere
+LONGEST = 127  # bytes that every system reads of a first line
+
+
+def link(packages: Path, root: Path = ROOT) -> None:
+    """Let Python find the library by a relative path, so that a moved or copied folder has its own.
+
+    `packages` is the environment's folder of packages.
+    """
+    path = os.path.relpath(root / "src", packages)
+    (packages / LINK).write_text(path + "\n", encoding="ascii")
+
+
+def settle(programs: Path, before: Path, root: Path = ROOT) -> None:
+    """After a move or a copy from `before`: no file in `programs` starts the Python of there."""
+    old, new = (os.fsencode(folder / ".venv") for folder in (before, root))
+    for path in programs.iterdir():
+        content = path.read_bytes() if path.is_file() and not path.is_symlink() else b""
+        if old not in content:
+            continue
+        if b"\0" in content:  # a launcher of Windows; what we start is `python -m ...`
+            path.unlink()
+        else:
+            path.write_bytes(startable(content.replace(old, new)))
+
+
+def startable(script: bytes) -> bytes:
+    """A script whose first line names a Python that no system starts so is started by a shell."""
+    first, newline, rest = script.partition(b"\n")
+    if not first.startswith(b"#!") or (b" " not in first and len(first) <= LONGEST):
+        return script
+    if first.startswith((b"#!/bin/sh", b"#!/usr/bin/env ")):
+        return script
+    # To Python, the two lines in place of the first are a text.
+    shell = b"#!/bin/sh\n'''exec' \"" + first[2:].strip() + b'" "$0" "$@"\n\' \'\'\''
+    return shell + newline + rest
+
+
+def main(arguments=None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split(":")[0])
+    parser.add_argument("--from", dest="before", metavar="FOLDER", help="where it was made")
+    options = parser.parse_args(arguments)
+    try:
+        link(Path(sysconfig.get_path("purelib")))
+        if options.before:
+            settle(Path(sysconfig.get_path("scripts")), Path(options.before))
+    except OSError as error:  # such as a folder that may only be read: the doctor goes on saying so
+        print(f".venv/ cannot be changed ({error}).", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
