@@ -60,6 +60,7 @@ napoleon_use_rtype = False
 # --- the site
 html_static_path = ["_static"]
 html_css_files = ["book.css"]
+html_js_files = ["book.js"]
 html_use_index = html_domain_indices = False  # the search does their work
 html_show_search_summary = False  # it would fetch pages, which a browser forbids in a folder
 html_theme = "sphinx_book_theme"
