@@ -17,7 +17,7 @@ def browser():
         yield running
 
 
-@pytest.mark.built
+@pytest.mark.browser
 @pytest.mark.parametrize("name", [name for name in page_names() if name != "search.html"])
 def test_a_page_prints_whole_and_dark_on_white(browser, name):
     with opened(browser) as page:
