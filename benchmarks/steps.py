@@ -31,12 +31,12 @@ def some_batches(samples, model: str):
     from ptae_lite.data.scaling import fit_scaling, prepare
     from ptae_lite.data.signals import STEPS as MAX_STEPS
     from ptae_lite.data.signals import Source, build
-    from ptae_lite.models.checkpoint import MODELS
+    from ptae_lite.models import MODELS
 
-    recipe, train = training.RECIPES[model], samples.split("train")
+    recipe, train = MODELS[model].recipe, samples.split("train")
     source = Source(prepare(samples, fit_scaling(samples, train)))
     rng = np.random.default_rng(0)
-    epoch = training.epoch_batches(rng, train, None, recipe, MODELS[model][1]().mix.regular)
+    epoch = training.epoch_batches(rng, train, None, recipe, MODELS[model].config().mix.regular)
     for part, signals in islice(epoch, WARM_UP + STEPS):
         words = torch.from_numpy(rng.integers(0, 8, len(part)))
         yield tuple(
@@ -47,14 +47,13 @@ def some_batches(samples, model: str):
 
 def steps(options) -> list[Row]:
     """Each model's step, as training takes it and in the readable form, in turn."""
-    from ptae_lite import training
     from ptae_lite.data.samples import load_samples
-    from ptae_lite.models.checkpoint import MODELS
+    from ptae_lite.models import MODELS
     from ptae_lite.models.common import losses
 
     samples, rows = load_samples(), []
     for name in ("ptae", "pgae"):
-        make, config = MODELS[name]
+        make, config, _ = MODELS[name]
         model = make(config(features=samples.features.shape[2]))
         optimiser = torch.optim.Adam(model.parameters(), lr=1e-4, fused=True)
 
@@ -75,7 +74,7 @@ def steps(options) -> list[Row]:
             ratios.append(clocked(partial(step, plain, whole)) / seconds)
             floor = FLOOR_GFLOP * len(short.frames) / product_rate()
             shares.append(100 * floor / seconds)
-        how = f"median of {STEPS} pairs, batches of {training.RECIPES[name].batch}"
+        how = f"median of {STEPS} pairs, batches of {MODELS[name].recipe.batch}"
         found = {f"{name.upper()}, readable step over the fast one": (1.2, "times", ratios)}
         if name == "ptae":
             found["PTAE, plain arithmetic of a step at the product rate"] = (60, "%", shares)

@@ -11,7 +11,16 @@ from ptae_lite.data.signals import Source, build, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, respond
 from ptae_lite.language import SIGNALS, WORD_INDEX
-from ptae_lite.models import PGAE, PVAE, PGAEConfig, PRAEConfig, PTAEConfig, PVAEConfig, checkpoint
+from ptae_lite.models import (
+    MODELS,
+    PGAE,
+    PVAE,
+    PGAEConfig,
+    PRAEConfig,
+    PTAEConfig,
+    PVAEConfig,
+    checkpoint,
+)
 from ptae_lite.models.common import Answer, class_weights, losses
 from ptae_lite.models.gated import GatedUnit
 from ptae_lite.models.pvae import Code, binding, divergence
@@ -27,7 +36,7 @@ def make_model(small_configs):
 
     def make(kind):
         torch.manual_seed(0)
-        return checkpoint.MODELS[kind][0](small_configs[kind])
+        return MODELS[kind].network(small_configs[kind])
 
     return make
 
@@ -113,7 +122,7 @@ def test_pgae_weighs_words_unless_told_otherwise(mixed, small_configs):
 
 @pytest.mark.parametrize("kind", FAMILY)
 def test_without_a_gain_weights_start_as_published(kind):
-    make, make_config = checkpoint.MODELS[kind]
+    make, make_config, _ = MODELS[kind]
     for gain, smaller in ((0.0, True), (1.5, False)):
         model = make(make_config(gain=gain))
         cells = [p for name, p in model.named_parameters() if "recall" in name or "look.w" in name]
@@ -256,7 +265,7 @@ def test_it_learns_to_describe_eight_samples(unchecked, samples, source, kind):
         parts = {name: getattr(whole, name)[:, :n] for name, n in cut.items()}
         return replace(whole, frames=torch.full((8,), 10), **parts)
 
-    make, make_config = checkpoint.MODELS[kind]
+    make, make_config, _ = MODELS[kind]
     model = make(make_config(features=6, code=16, units=24))
     learnt = batch("describe" if kind == "pgae" else "repeat both")
     optimiser = torch.optim.Adam(model.parameters(), lr=0.01)
@@ -350,5 +359,4 @@ def test_sizes_that_make_no_sense_are_refused(make, wrong, message):
 
 
 def test_each_model_has_a_recipe():
-    assert training.RECIPES.keys() == checkpoint.MODELS.keys()
-    assert training.RECIPES["ptae"] == Recipe()
+    assert MODELS["ptae"].recipe == Recipe()

@@ -10,7 +10,7 @@ import pytest
 import ptae_lite.__main__ as cli
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import family, tables
-from ptae_lite.models import checkpoint
+from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
 TWO = ("PTAE", "PGAE, no repeat both")
@@ -31,7 +31,7 @@ def quick(monkeypatch, small_configs):
 
         return make
 
-    small = {kind: (model, config_of(kind)) for kind, (model, _) in checkpoint.MODELS.items()}
+    small = {kind: made._replace(config=config_of(kind)) for kind, made in MODELS.items()}
     monkeypatch.setattr(family, "MODELS", small)
     monkeypatch.setattr(family, "run_one", run_one)
     return ran
@@ -115,7 +115,7 @@ def test_a_variant_that_does_not_exist_is_refused(few, tmp_path):
 def test_every_claim_is_about_variants_that_are_trained():
     assert all(name in family.VARIANTS for pair in family.CLAIMS.values() for name in pair)
     for model, choices, recipe in family.VARIANTS.values():  # each exists
-        checkpoint.MODELS[model][1](**choices)
+        MODELS[model].config(**choices)
         Recipe(**recipe)
 
 

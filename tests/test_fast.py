@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from ptae_lite.data.signals import SIGNALS, build, signal_number
-from ptae_lite.models.checkpoint import MODELS
+from ptae_lite.models import MODELS
 from ptae_lite.models.common import losses
 
 
@@ -22,7 +22,7 @@ def mixed(request, source):
 
 def make(kind, **sizes):
     torch.manual_seed(3)
-    model, config = MODELS[kind]
+    model, config, _ = MODELS[kind]
     return model(config(features=6, **sizes)).double()
 
 

@@ -11,7 +11,7 @@ from ptae_lite import training
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, supervision
 from ptae_lite.experiments.supervision import Job
-from ptae_lite.models.checkpoint import MODELS
+from ptae_lite.models import MODELS
 from ptae_lite.training import RECIPES
 
 
@@ -53,7 +53,7 @@ def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
 def test_held_out_patterns_take_no_part_in_a_training(samples, small_configs, monkeypatch):
     """The real thing in small: scored on held-out patterns, trained on the others."""
     seen, scored, build = set(), [], training.build
-    small = {"ptae": (MODELS["ptae"][0], lambda features: small_configs["ptae"])}
+    small = {"ptae": MODELS["ptae"]._replace(config=lambda features: small_configs["ptae"])}
     monkeypatch.setattr(training, "MODELS", small)
     monkeypatch.setattr(recipes, "REGULAR", replace(RECIPES["ptae"], epochs=1, batch=54))
     monkeypatch.setattr(training, "build", lambda source, samples, *rest: (

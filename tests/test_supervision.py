@@ -18,8 +18,7 @@ from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import labels, supervision, tables
 from ptae_lite.experiments.supervision import Job
 from ptae_lite.language import alternatives, parse, patterns
-from ptae_lite.models import PVAE
-from ptae_lite.models.checkpoint import MODELS
+from ptae_lite.models import MODELS, PVAE
 from ptae_lite.training import Recipe
 
 QUICK = Recipe(epochs=1, batch=8)
@@ -41,7 +40,10 @@ def small(monkeypatch, small_configs):
         built.append((samples.numpy(), signals.numpy(), told.numpy()))
         return real(source, samples, signals, alternative, hold, extra, told)
 
-    small = {k: (make, lambda features, k=k: small_configs[k]) for k, (make, _) in MODELS.items()}
+    small = {
+        k: kind._replace(config=lambda features, k=k: small_configs[k])
+        for k, kind in MODELS.items()
+    }
     monkeypatch.setattr(training, "MODELS", small)
     monkeypatch.setattr(training, "build", build)
     return built
@@ -129,7 +131,7 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
     monkeypatch.setattr(PVAE, "costs", costs)
     this = job(25, model="pvae", variant=variant)
     prae = replace(small_configs["pvae"], variational=False)
-    monkeypatch.setitem(training.MODELS, "pvae", (PVAE, type(prae)))
+    monkeypatch.setitem(training.MODELS, "pvae", MODELS["pvae"]._replace(config=type(prae)))
     about = training.train(
         few, Recipe(epochs=2, batch=8, balanced=variant == "balanced"), model="pvae", config=prae,
         labelled=supervision.labelled(few, this),

@@ -27,9 +27,10 @@ from ptae_lite.console import (
 )
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import alone, check_writable
+from ptae_lite.models import MODELS
 from ptae_lite.pipes import piped
 
-TRAINED = ("ptae", "pgae", "pvae", "prae", "cae", "plain-cae")
+TRAINED = (*MODELS, "cae", "plain-cae")
 
 
 def do_record(options) -> dict:
@@ -80,7 +81,7 @@ def do_train(options) -> dict:
     from ptae_lite.models import checkpoint
 
     samples = load_samples(options.data, options.holdout)
-    recipe = replace(training.RECIPES[options.model], seed=options.seed)
+    recipe = replace(MODELS[options.model].recipe, seed=options.seed)
     if options.epochs is not None:
         recipe = replace(recipe, epochs=options.epochs)
     split = "fit" if options.held_out else "train"
@@ -101,9 +102,7 @@ def do_train(options) -> dict:
 
 def configured(model: str, features: int, settings):
     """The model's configuration with `settings`, each NAME=VALUE, put into it."""
-    from ptae_lite.models.checkpoint import MODELS
-
-    config = MODELS[model][1](features=features)
+    config = MODELS[model].config(features=features)
     for setting in settings:
         name, _, text = setting.partition("=")
         if name not in vars(config):

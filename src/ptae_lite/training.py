@@ -7,7 +7,7 @@ that count as labelled ever take part in a supervised signal.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from math import lcm
 
 import numpy as np
@@ -17,53 +17,14 @@ from torch import Tensor, nn
 
 from ptae_lite import devices
 from ptae_lite.data.samples import Samples
-from ptae_lite.data.scaling import HALF_WHITE, Scaling, fit_scaling, prepare
+from ptae_lite.data.scaling import Scaling, fit_scaling, prepare
 from ptae_lite.data.signals import PTAE_MIX, Source, blend, build, refilm, signal_number
 from ptae_lite.errors import ConfigError
-from ptae_lite.models.checkpoint import MODELS, Trained
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.models.registry import MODELS
+from ptae_lite.recipe import Recipe
 
-
-@dataclass(frozen=True)
-class Recipe:
-    """How a model is trained. Chosen on held-out training patterns."""
-
-    epochs: int = 80  # ours, 1,920 steps; paper 2,500 epochs of 108 batches
-    batch: int = 27  # ours; paper 6
-    learning_rate: float = 1e-3  # ours, the peak of one cycle of Adam; paper 1e-5, constant
-    # ours; how much faster the action decoder learns than the rest. With one pace for all, either
-    # the words for new scenes get worse with training, or the joints are not done in time.
-    action_pace: float = 3.0
-    clip: float = 1.0  # ours, of the gradient's norm; paper none
-    language_weight: float = 1.0  # paper
-    # ours; 5 would be the paper's text, which sums over joints where its code averages
-    action_weight: float = 10.0
-    hold: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
-    mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.blend`
-    supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
-    extra: float = 0.0  # ours; share of samples with a true extra input, see `signals.build`
-    balanced: bool = True  # ours, with few labels: they make half of each batch, see epoch_batches
-    unpaired: bool = False  # ours: a sentence to repeat comes with the scene of another sample
-    exponent: float = HALF_WHITE  # ours, of the features' whitening, see `scaling.fit_scaling`
-    seed: int = 0
-
-    def __post_init__(self):
-        if self.epochs < 1 or self.batch < 2:
-            raise ConfigError("a recipe needs at least one epoch and batches of at least two")
-        if not 0 < self.supervised < 1:
-            raise ConfigError(f"supervised is {self.supervised}; it is a share between 0 and 1")
-        if not 0 <= self.extra <= 1:
-            raise ConfigError(f"extra is {self.extra}; it is a share from 0 to 1")
-
-
-# What suits each model: numbers that differ from PTAE's are ours, chosen on held-out patterns.
-RECIPES = {
-    "ptae": Recipe(),
-    # published 6,000 epochs of 108 batches of 6, at 1e-5
-    "pgae": Recipe(epochs=60, learning_rate=3e-3, action_pace=1),
-    # published 15,000 or 40,000 batches of 100, at 1e-4
-    "pvae": Recipe(epochs=60, learning_rate=3e-3, action_pace=1),
-    "prae": Recipe(epochs=60, learning_rate=3e-3, action_pace=1),  # as PVAE
-}
+RECIPES = {name: kind.recipe for name, kind in MODELS.items()}
 
 
 def draw_signals(
@@ -183,13 +144,11 @@ def train(
     devices.check(device)
     if model not in MODELS:
         raise ConfigError(f"no model {model!r}; there are {', '.join(MODELS)}")
-    make, make_config = MODELS[model]
-    if config is not None and type(config) is not make_config:
-        raise ConfigError(f"{model} needs a {make_config.__name__}, not a {type(config).__name__}")
-    recipe, config = (
-        recipe or RECIPES[model],
-        config or make_config(features=samples.features.shape[2]),
-    )
+    kind = MODELS[model]
+    if config is not None and type(config) is not kind.config:
+        raise ConfigError(f"{model} needs a {kind.config.__name__}, not a {type(config).__name__}")
+    recipe = recipe or kind.recipe
+    config = config or kind.config(features=samples.features.shape[2])
     indices = samples.split(split)
     if labelled is not None and len(np.setdiff1d(labelled, indices)):
         raise ConfigError(f"labelled samples must belong to the split {split!r}")
@@ -203,7 +162,7 @@ def train(
     rng = np.random.default_rng(recipe.seed)
     scaling = fit_scaling(samples, indices, recipe.exponent)
     source = Source(prepare(samples, scaling))
-    network: nn.Module = make(config).to(device)
+    network: nn.Module = kind.network(config).to(device)
     paces = (1.0, recipe.action_pace)
     mine = list(network.action.parameters())
     groups = ([p for p in network.parameters() if not any(p is q for q in mine)], mine)

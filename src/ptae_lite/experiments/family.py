@@ -22,8 +22,8 @@ from ptae_lite.data.signals import Source
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, evaluate, new_scenes, respond
 from ptae_lite.experiments import tables
-from ptae_lite.models import checkpoint
-from ptae_lite.models.checkpoint import MODELS, Trained
+from ptae_lite.models import MODELS, checkpoint
+from ptae_lite.models.checkpoint import Trained
 from ptae_lite.training import RECIPES, Recipe, train
 
 
@@ -68,7 +68,7 @@ EVERY = 5  # epochs between two points of a curve
 def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = None, weights=None):
     """Train one variant: its row and its curve. `weights` is a folder for the model, or None."""
     model, choices, changes = VARIANTS[variant]
-    config = MODELS[model][1](features=samples.features.shape[2], **choices)
+    config = MODELS[model].config(features=samples.features.shape[2], **choices)
     recipe = replace(recipe or RECIPES[model], seed=seed, **changes)
     test, points, looking = samples.split("test"), [], 0.0
     begun = time.process_time()

@@ -11,16 +11,7 @@ from ptae_lite import artefacts
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.scaling import Dataset, Scaling, prepare
 from ptae_lite.errors import ArtefactError, ConfigError
-from ptae_lite.models.pgae import PGAE, PGAEConfig
-from ptae_lite.models.ptae import PTAE, PTAEConfig
-from ptae_lite.models.pvae import PVAE, PRAEConfig, PVAEConfig
-
-MODELS = {
-    "ptae": (PTAE, PTAEConfig),
-    "pgae": (PGAE, PGAEConfig),
-    "pvae": (PVAE, PVAEConfig),
-    "prae": (PVAE, PRAEConfig),
-}
+from ptae_lite.models.registry import MODELS
 
 
 @dataclass(frozen=True)
@@ -69,13 +60,13 @@ def load(path) -> Trained:
         )
     if "eye" not in about:
         raise ArtefactError(f"{path} does not say whose features it was trained on; train it again")
-    make, make_config = MODELS[about["kind"]]
+    kind = MODELS[about["kind"]]
     parts = {"model": {}, "scaling": {}}
     with artefacts.fits_itself(path):
         for name, tensor in tensors.items():
             part, _, rest = name.partition(".")
             parts[part][rest] = tensor
-        model = make(make_config(**about["config"]))
+        model = kind.network(kind.config(**about["config"]))
         model.load_state_dict(parts["model"])
         scaling = Scaling(**{name: tensor.numpy() for name, tensor in parts["scaling"].items()})
     return Trained(model.eval(), scaling, about)
