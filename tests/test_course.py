@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_network
+from wrong_answers import ODD, WRONG
 
 from ptae_lite import artefacts, baselines, evaluation, language
 from ptae_lite.book import course, exercise_check, notebooks
@@ -124,6 +125,32 @@ def test_each_likely_mistake_gets_its_own_hint(name, number, seed, played):
         assert re.fullmatch(r"[A-Z][^\n]*\.", said) and len(said) < 120
         sentences.append(said)
     assert len(sentences) >= 2 and len(set(sentences)) == len(sentences)
+
+
+SENTENCE = re.compile(r"[A-Z`][^\n]*\.")
+
+
+@pytest.mark.parametrize(("name", "number"), CODE)
+def test_no_check_lets_a_wrong_answer_pass(name, number, played):
+    play = played(name, 0)
+    (answer,) = play.exercises[number].tagged("answer")
+    assert len(WRONG[number]) == 15
+    for wrong in WRONG[number]:
+        old, new = (answer.source, wrong) if isinstance(wrong, str) else wrong
+        assert old in answer.source, old
+        said = play.says(number, answer.source.replace(old, new))
+        assert said != "Right." and SENTENCE.fullmatch(said), (said, wrong)
+
+
+@pytest.mark.parametrize("odd", ODD)
+@pytest.mark.parametrize(("name", "number"), CODE)
+def test_whatever_is_handed_in_gets_a_sentence(name, number, odd, played, monkeypatch):
+    monkeypatch.setattr(exercise_check, "LIMIT_S", 0.1)
+    play = played(name, 0)
+    (answer,) = play.exercises[number].tagged("answer")
+    answer = re.search(r"def (\w+)", answer.source)[1]
+    said = play.says(number, f"import itertools, sys, torch\n{answer} = {odd}")
+    assert said != "Right." and SENTENCE.fullmatch(said), said
 
 
 @pytest.mark.parametrize(("name", "number"), PANELS)
@@ -326,19 +353,6 @@ def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simula
     assert len(tried) == 24
 
 
-# ---------------------------------------------------------------- the check
-
-
-def test_a_check_is_one_sentence_without_a_traceback(capsys):
-    exercise_check.check(lambda answer: None, 1)
-    assert capsys.readouterr().out == "Right.\n"
-    with pytest.raises(exercise_check.NotYet) as stop:
-        exercise_check.check(lambda answer: "Add one.", 1)
-    assert stop.value._render_traceback_() == ["Not yet. Add one."]
-    with pytest.raises(ZeroDivisionError):  # an error of the reader's own shows its line
-        exercise_check.check(lambda answer: answer / 0, 1)
-
-
 # ---------------------------------------------------------------- the source's rules
 
 GOOD = """\
@@ -366,7 +380,7 @@ def more(x):
 ```{code-cell} ipython3
 :tags: [check]
 
-check(lambda more: None if more(SEED) == SEED + 1 else "Add one.", more)
+check(lambda more: None if more(SEED) == SEED + 1 else "Add one.", "more", like=0.0)
 ```
 
 ```{code-cell} ipython3
@@ -481,6 +495,23 @@ def test_cells_are_marked_as_nbgrader_reads_them(folder):
         assert all(m["schema_version"] == 3 and not m["task"] for _, m in marks.values())
 
 
+def test_students_can_neither_delete_an_answer_nor_change_a_check(folder):
+    (sheet,) = course.sheets(folder)
+    protected = {
+        cell.metadata["nbgrader"]["grade_id"]: (cell.metadata.get("deletable", True),
+                                                cell.metadata.get("editable", True))
+        for cell in course.notebook(sheet, student=True).cells
+        if "nbgrader" in cell.metadata
+    }  # fmt: skip
+    assert protected == {
+        "exercise-9-1-code": (False, True),
+        "exercise-9-1-check": (False, False),
+        "exercise-9-1-words": (False, True),
+    }
+    for cell in course.notebook(sheet, student=False).cells:
+        assert not {"deletable", "editable"} & set(cell.metadata)  # a teacher works on them
+
+
 def test_the_same_source_gives_the_same_bytes(folder, tmp_path):
     written = [course.write(tmp_path / name, folder) for name in ("one", "two")]
     names = [sorted(p.relative_to(tmp_path / n) for p in w)
@@ -592,6 +623,8 @@ def test_nbgrader_makes_the_students_version_from_the_instructors(tmp_path):
             for folder in (tmp_path / "made/student", tmp_path / "course/release/ptae")
         )
         assert [c.source for c in ours] == [c.source for c in theirs]
+        for key in ("deletable", "editable"):
+            assert [c.metadata.get(key) for c in ours] == [c.metadata.get(key) for c in theirs]
 
 
 @pytest.mark.extras

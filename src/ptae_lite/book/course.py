@@ -10,7 +10,7 @@ its cells are, and cells without a tag stand in both notebooks:
 
 - `answer`, a text: the answer, what to listen for, misconceptions. The student has a stub.
 - `answer`, code: what stands between BEGIN SOLUTION and END SOLUTION is a stub for the student.
-- `check`: says in one sentence what the reader's code lacks; see `hints.check`.
+- `check`: says in one sentence what the reader's code lacks; see `exercise_check.check`.
 - `mistake`: code in place of the answer, for the tests alone. Its metadata `hint` is a part of the
   sentence that the check must find for it.
 """
@@ -166,6 +166,10 @@ def notebook(sheet: Sheet, *, student: bool, seed: int = 0) -> NotebookNode:
                 part = {"answer": "code", "check": "check"}[tag]
                 graded = tag == "check"
                 cell.metadata = _marks(exercise, part, cell, grade=graded, solution=not graded)
+            if tag and student:  # nbgrader protects the instructor's cells when it releases them
+                cell.metadata["deletable"] = False
+                if tag == "check":
+                    cell.metadata["editable"] = False
             if student and tag == "answer":
                 cell.source = stub(cell)
             cells.append(cell)
