@@ -202,7 +202,7 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     for dropped, left, read in ((12, 5, 96), (20, 0.3, 83)):
         variance = eye["variances"][dropped:].sum() / eye["variances"].sum()
         rest = (data.features[:, 0] - eye["centre"]) @ eye["axes"][:, dropped:]
-        right = eye["readout"].percent_right(data, rest, eye["readout"].colours(data)["left"])
+        right = eye["probes"].percent_right(data, rest, eye["probes"].colours(data)["left"])
         assert round(100 * variance, 1 if left < 1 else None) == left and round(right) == read
 
     panel = played("03_crossmodal_transformer", 0).panels["3.3"]
