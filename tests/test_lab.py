@@ -183,12 +183,24 @@ def move_everything(page, cell):
         else:
             control.focus()
             end = control.get_attribute("aria-valuenow") == control.get_attribute("aria-valuemax")
+            is_told(control)
             control.press("ArrowLeft" if end else "ArrowRight")
+            is_told(control)
         until(lambda before=before: shown.first.inner_html() != before,
               message=f"control {i} was moved, and the panel shows the same")  # fmt: skip
         assert "Traceback" not in shown.first.inner_text()
         what = shown.first.locator("img, iframe").first
         assert what.get_attribute("alt") or what.get_attribute("title")
+
+
+def is_told(handle):
+    """A screen reader hears of a slider what is written beside it."""
+    slider = handle.locator("xpath=ancestor::*[contains(@class, 'widget-slider')]")
+    name = slider.locator(".widget-label").inner_text()
+    value = slider.locator(".widget-readout").inner_text()
+    assert name and value
+    until(lambda: handle.get_attribute("aria-label") == name, message="the slider has no name")
+    until(lambda: handle.get_attribute("aria-valuetext") == value, message=f"it says not {value}")
 
 
 def play(page, cell):

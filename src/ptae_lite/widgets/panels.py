@@ -53,6 +53,25 @@ this.querySelectorAll('[data-frame]').forEach((frame, i) => {
 });
 """
 
+# Gives a screen reader what is written beside the sliders of a widget: their names, and the values
+# instead of the positions. ipywidgets leaves out the one and tells the other with every move.
+_TELL_SLIDERS = """
+const box = this.closest('.widget-vbox');
+const tell = () => {
+  for (const slider of box.querySelectorAll('.widget-slider')) {
+    const handle = slider.querySelector('.noUi-handle');
+    const told = {'aria-label': '.widget-label', 'aria-valuetext': '.widget-readout'};
+    for (const [attribute, place] of Object.entries(told)) {
+      const text = slider.querySelector(place).textContent;
+      if (handle.getAttribute(attribute) !== text) handle.setAttribute(attribute, text);
+    }
+  }
+};
+new MutationObserver(tell).observe(
+  box, {subtree: true, childList: true, characterData: true, attributeFilter: ['aria-valuetext']});
+tell();
+"""
+
 
 class Panel:
     """A function under one or more sliders or choices.
@@ -158,7 +177,9 @@ class Panel:
 
         for control in controls.values():
             control.observe(update, "value")
-        return ipywidgets.VBox([*controls.values(), view])
+        script = f'<style onload="{escape(_TELL_SLIDERS)}"></style>'  # a <script> would not run
+        telling = ipywidgets.HTML(script, layout={"display": "none"})
+        return ipywidgets.VBox([*controls.values(), view, telling])
 
     def html(self) -> str:
         """The static face: controls and every different frame, drawn now."""
