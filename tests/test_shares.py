@@ -149,11 +149,11 @@ def test_what_the_table_lacks_is_said_in_its_place(table, said):
         assert axes[0].containers and "here" not in [one.get_label() for one in axes[0].lines]
 
 
-def test_the_stored_panel_shows_and_says_its_table_at_every_position(stored):
+def test_the_stored_panel_says_its_table_at_every_position(stored, monkeypatch):
+    """With its texts in the place of its figures, which the tests around this one look at."""
     table, said = stored
+    monkeypatch.setattr(supervision_panel, "card", supervision_panel.describe)
     panel = supervision_panel.panel(table, said, share=10)
-    view = panel.widget()
-    controls = controls_of(view)
     frames, _ = frames_in(panel.html())
     assert len(frames) == np.prod([len(values) for values in panel.values.values()])
     for mode in panel.values["mode"]:
@@ -176,8 +176,16 @@ def test_the_stored_panel_shows_and_says_its_table_at_every_position(stored):
                 for row in own.fillna("(nothing)").itertuples():
                     assert f"{row.truth}: {'right' if row.right else 'wrong'}, {row.said}" in text
                 assert panel.face(**where) in frames
-    controls["model"].value = "pgae"  # live equals stored
-    assert view.children[-1].value == panel.face(mode="samples", model="pgae", share=10)
+
+
+def test_the_stored_panel_shows_live_what_is_stored_of_it(stored):
+    panel = supervision_panel.panel(*stored, mode="samples", model="ptae", share=10)
+    view, shown = panel.widget(), set()
+    for model in ("ptae", "pgae", "ptae"):
+        controls_of(view)["model"].value = model
+        assert view.children[-1].value == panel.face(mode="samples", model=model, share=10)
+        shown.add(view.children[-1].value)
+    assert len(shown) == 2
 
 
 def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, trained):
@@ -221,6 +229,7 @@ def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
 
 def test_on_a_page_there_is_no_button(table, said, few, monkeypatch):
     monkeypatch.setenv("PTAE_STATIC", "1")
+    monkeypatch.setattr(supervision_panel, "card", supervision_panel.describe)  # no figures needed
     bundle = supervision_panel.train_panel(few, table, said, share=10)._repr_mimebundle_()
     assert "button" not in bundle["text/html"] and "data-ptae-embed" in bundle["text/html"]
 

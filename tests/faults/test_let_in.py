@@ -130,6 +130,7 @@ def test_without_pybullet_all_is_read_and_only_recording_is_refused(reader):
     assert [path.name for path in reader["at"].iterdir()] == ["report.json"]  # nothing was begun
 
 
+@pytest.mark.slow
 def test_nothing_listens_while_two_workers_record(simulator, tmp_path):
     process = start("record", tmp_path / "r", 2)
     until(process, lambda: list((tmp_path / "r").glob("sequences/*.npz")))
@@ -137,6 +138,7 @@ def test_nothing_listens_while_two_workers_record(simulator, tmp_path):
     assert finish(process)[0] == 0
 
 
+@pytest.mark.slow
 def test_nothing_listens_while_a_study_has_two_workers():
     process = start("naps", 20)
     until_said(process, 2)
