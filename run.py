@@ -238,8 +238,8 @@ def ensure_extras(python: Path, env: dict, root: Path = ROOT) -> None:
     """Install what the extras bring into .venv/ too; what environment.txt pins stays as it is."""
     import tomllib  # not in the old Pythons that get as far as check_python
 
-    stamp = root / EXTRAS_STAMP
-    if stamp.exists() and stamp.read_text(encoding="utf-8") == fingerprint(root):
+    done = root / EXTRAS_STAMP
+    if done.exists() and done.read_text(encoding="utf-8") == fingerprint(root):
         return
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = [one for extra in EXTRAS for one in project["optional-dependencies"][extra]]
@@ -249,7 +249,7 @@ def ensure_extras(python: Path, env: dict, root: Path = ROOT) -> None:
         if call(command, env, stdout=file, stderr=file):
             say("They could not be installed (build/logs/extras.log); their tests are skipped.")
             return
-    stamp.write_text(fingerprint(root), encoding="utf-8")
+    done.write_text(fingerprint(root), encoding="utf-8")
 
 
 def cores() -> int:
