@@ -318,7 +318,8 @@ def lab(python: Path, env: dict, args: argparse.Namespace) -> int:
 
 def notebooks(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Write the .ipynb twins of the chapters, with their outputs."""
-    return call([python, "-m", "ptae_lite.book.notebooks", *args.names], env)
+    side = ["--from", args.side] if args.side else []
+    return call([python, "-m", "ptae_lite.book.notebooks", *args.names, *side], env)
 
 
 def doctor(python: Path, env: dict, args: argparse.Namespace) -> int:
@@ -343,7 +344,7 @@ def certify(python: Path, env: dict, args: argparse.Namespace) -> int:
     """Run the chapters and write what came out into one small file; or --check such a FILE."""
     command = [python, "-m", "ptae_lite.reproduce.certificate"]
     if args.check:
-        return call([*command, "--check", Path(args.check).absolute()], env)
+        return call([*command, "--check", *(Path(file).absolute() for file in args.check)], env)
     env["PTAE_TIER"] = "replay"
     (ROOT / "build/chapter_times.json").unlink(missing_ok=True)  # of an earlier run
     book(python, env, args)  # what fails in it stands in the certificate
@@ -376,13 +377,16 @@ def parse(argv: list) -> argparse.Namespace:
             sub.add_argument("--all", action="store_true", help="browser, kills, extras, all else")
         if job is notebooks:
             sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
+            help = "whose cells to keep where the .ipynb was edited"
+            sub.add_argument("--from", dest="side", choices=("md", "ipynb"), help=help)
         if job is doctor:
             text = "mend stored files whose line ends were changed"
             sub.add_argument("--line-endings", action="store_true", help=text)
         if job is certify:
             sub.add_argument("--name", default="", help="who hands it in; decides what is asked")
             sub.add_argument("--out", default=ROOT / "build/certificate.json", help="file to write")
-            sub.add_argument("--check", metavar="FILE", help="check a certificate, in seconds")
+            help = "check certificates, in seconds"
+            sub.add_argument("--check", metavar="FILE", nargs="+", help=help)
         if job is full:
             sub.add_argument("--seeds", type=int, default=3, help="trainings of each kind")
             sub.add_argument(

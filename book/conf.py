@@ -14,6 +14,7 @@ from sphinx import addnodes
 from sphinx.util import logging
 
 from ptae_lite import artefacts
+from ptae_lite.book import chapters
 from ptae_lite.widgets import viewer
 
 logger = logging.getLogger(__name__)
@@ -23,7 +24,10 @@ author = copyright = "PTAE-lite authors"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 # A chapter is a pair; the site is built from the source, and the .ipynb twin is left alone.
 # Exercises are no pages either: notebooks for students and instructors are made from them.
-exclude_patterns = ["*.ipynb", "**/*.ipynb", "**/.ipynb_checkpoints", "_build", "exercises"]
+exclude_patterns = ["*.ipynb", "**/*.ipynb", "**/.ipynb_checkpoints", "_build", chapters.EXERCISES]
+# Nor is what a reader laid beside the pages; ? stands for what a pattern would understand.
+left_out = chapters.left_out(Path(__file__).parent)
+exclude_patterns += [re.sub(r"[][*?]", "?", name) for name in left_out]
 
 # --- notebooks
 nb_execution_mode = "force"
@@ -138,7 +142,7 @@ def mark_facts(app, doctree) -> None:
 
 def link_chapters(app, doctree) -> None:
     """Where a page says "chapter 03", it leads there; in a notebook it stays plain text."""
-    files = {path.stem[:2]: path.stem for path in Path(app.srcdir).glob("[0-9][0-9]_*.md")}
+    files = {name[:2]: name for name in chapters.chapter_names(app.srcdir)}
     for text in list(doctree.findall(nodes.Text)):
         inside = text.parent
         if not isinstance(inside, (nodes.paragraph, nodes.emphasis, nodes.strong)):
@@ -163,8 +167,10 @@ def offer_notebook(app, pagename, templatename, context, doctree) -> None:
 
 
 def copy_notebooks(app) -> None:
-    for twin in Path(app.srcdir).glob("[0-9]*.ipynb"):
-        shutil.copyfile(twin, Path(app.outdir, "_sources", twin.name))
+    for md in chapters.chapter_files(app.srcdir):
+        twin = md.with_suffix(".ipynb")
+        if twin.exists():
+            shutil.copyfile(twin, Path(app.outdir, "_sources", twin.name))
 
 
 def halve(app, env, docnames) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from ptae_lite.book import chapters
+
 ROOT = Path(__file__).resolve().parents[1]
 SITE = ROOT / "build" / "html"
 SHOTS = ROOT / "build" / "screenshots"
@@ -33,7 +35,9 @@ def stale(site: Path = SITE) -> str:
     index = site / "index.html"
     if not index.exists():
         return "there is no built site; python3 run.py book makes it"
-    sources = [*ROOT.glob("book/**/*.md"), ROOT / "book/conf.py", *ROOT.glob("book/_static/*")]
+    book = ROOT / "book"
+    sources = [book / "conf.py", *book.glob("_static/*")]
+    sources += [book / f"{name}.md" for name in chapters.page_names(book)]
     sources += [path for path in ROOT.glob("src/ptae_lite/**/*") if path.suffix in (".py", ".js")]
     newest = max(sources, key=lambda path: path.stat().st_mtime)
     if newest.stat().st_mtime > index.stat().st_mtime:

@@ -81,12 +81,36 @@ def test_other_data_library_or_pins_are_named(body, capsys):
 
 
 def test_a_chapter_that_failed_or_is_not_there_is_named(quick, times):
-    times["02_vision"]["traceback"] = "ZeroDivisionError"
+    times["02_vision"]["traceback"] = "Traceback\n  /home/me/x.py\nZeroDivisionError: of /home/me"
     del times["03_crossmodal_transformer"]
     body = certificate.make(NAME, times)
     assert not body["verdicts"]["every chapter ran"]
     (line,) = (one for one in certificate.check(body) if one.what == "chapters")
-    assert line.says == "did not run: 02_vision, 03_crossmodal_transformer" and not line.good
+    assert line.says == (
+        "did not run: 02_vision (ZeroDivisionError), 03_crossmodal_transformer"
+    ) and not line.good  # fmt: skip
+
+
+def test_a_failed_run_is_no_more_accepted_by_the_teacher_than_by_who_made_it(quick, times):
+    times["08_of_mine"] = {"seconds": 1.0, "traceback": "KeyError: 'x'"}
+    body = certificate.make(NAME, times)
+    assert not body["verdicts"]["every chapter ran"]
+    (line,) = (one for one in certificate.check(body) if one.what == "chapters")
+    assert "08_of_mine (KeyError)" in line.says and not line.good
+    assert "/home" not in json.dumps(body)
+
+
+def test_two_certificates_of_one_run_are_recognised(quick, times, tmp_path, capsys):
+    other = times | {"02_vision": {"seconds": 1.6, "traceback": ""}}
+    files = []
+    for name, run in (("Ada", times), ("Bo", times), ("Cy", other)):
+        files.append(str(tmp_path / f"{name}.json"))
+        (tmp_path / f"{name}.json").write_text(json.dumps(certificate.make(name, run)))
+    assert certificate.main(["--check", *files]) == 0
+    (line,) = (one for one in capsys.readouterr().out.splitlines() if "the one run of" in one)
+    assert "Ada" in line and "Bo" in line and "Cy" not in line
+    assert certificate.main(["--check", files[0], files[2]]) == 0
+    assert "the one run of" not in capsys.readouterr().out
 
 
 def test_a_chapter_that_was_edited_is_a_remark_only(body, capsys):
@@ -131,6 +155,10 @@ def test_the_command_writes_and_checks_one_file(quick, times, tmp_path, capsys):
     made = ["--name", NAME, "--out", str(path), "--times", str(chapters)]
     assert certificate.main(made) == 0
     assert "good     every chapter ran" in capsys.readouterr().out
+    times["05_incongruence"]["traceback"] = "MemoryError"
+    chapters.write_text(json.dumps(times))
+    assert certificate.main([*made[:2], "--out", str(tmp_path / "no.json"), *made[4:]]) == 1
+    assert "did not run: 05_incongruence (MemoryError)" in capsys.readouterr().out
     assert certificate.main(["--check", str(path)]) == 0
     assert certificate.main(["--check", str(artefacts.DATA / "MANIFEST.json")]) == 1
     assert "certify: " in capsys.readouterr().err

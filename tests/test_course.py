@@ -17,7 +17,8 @@ from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_n
 from wrong_answers import ODD, WRONG
 
 from ptae_lite import artefacts, baselines, evaluation, language
-from ptae_lite.book import course, exercise_check, notebooks
+from ptae_lite.book import course, exercise_check
+from ptae_lite.book.chapters import chapter_files
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.errors import ArtefactError
@@ -99,7 +100,7 @@ def played():
 
 
 def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
-    chapters = [md.stem for md in notebooks.chapters(ROOT / "book")]
+    chapters = [md.stem for md in chapter_files(ROOT / "book")]
     assert set(NAMES) <= set(chapters)
     assert set(chapters[:7]) <= set(NAMES)
     assert all(2 <= len(sheet.exercises) <= 3 for sheet in SHEETS)
@@ -411,6 +412,8 @@ def folder(tmp_path):
     made = tmp_path / "book" / "exercises"
     made.mkdir(parents=True)
     (made / "09_x.md").write_text(GOOD, encoding="utf-8")
+    named = "```{toctree}\n:caption: Chapters\n\n09_x\n```\n"
+    (made.parent / "index.md").write_text(named, encoding="utf-8")
     (made / course.FRONT_PAGE).write_text("# For the teacher\n", encoding="utf-8")
     return made
 

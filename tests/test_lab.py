@@ -16,7 +16,7 @@ import urllib.request
 import pytest
 from pages import ROOT, SHOTS, chromium, until
 
-from ptae_lite.book import notebooks
+from ptae_lite.book.chapters import chapter_files
 
 pytestmark = pytest.mark.browser
 TOKEN = "reader"
@@ -26,7 +26,7 @@ RUN_S = 480  # for a chapter
 
 def pytest_generate_tests(metafunc):
     if "chapter" in metafunc.fixturenames:
-        names = [md.stem for md in notebooks.chapters(ROOT / "book")]
+        names = [md.stem for md in chapter_files(ROOT / "book")]
         if metafunc.config.getoption("--lab") != "all":
             names = [name for name in names if name[:2] in ("01", "05")]
         metafunc.parametrize("chapter", names)

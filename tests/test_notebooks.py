@@ -4,18 +4,23 @@ A rule is a function from a notebook to a list of complaints. Each is tried on e
 on an example that breaks it.
 """
 
+import asyncio
 import re
 from pathlib import Path
 
 import nbformat
 import pytest
+from jupyter_server.services.contents.largefilemanager import AsyncLargeFileManager
+from jupytext.async_contentsmanager import build_async_jupytext_contents_manager_class
+from nbconvert.exporters import ScriptExporter
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
-from ptae_lite.book import notebooks
+from ptae_lite.book import chapters, notebooks
+from ptae_lite.book.chapters import chapter_files
 from ptae_lite.errors import ArtefactError
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
-CHAPTERS = notebooks.chapters(BOOK)
+CHAPTERS = chapter_files(BOOK)
 PAIRS = [md for md in CHAPTERS if md.with_suffix(".ipynb").exists()]  # the rest fails once, below
 MAX_LINES = 25
 MACHINE_PATH = re.compile(
@@ -97,8 +102,8 @@ RULES = [
 
 def unpaired(book):
     """The chapters of which one half is missing."""
-    halves = [{path.stem for path in book.glob(f"[0-9]*.{end}")} for end in ("md", "ipynb")]
-    return sorted(halves[0] ^ halves[1])
+    return [name for name in chapters.chapter_names(book)
+            if not all((book / f"{name}.{end}").exists() for end in ("md", "ipynb"))]  # fmt: skip
 
 
 def too_large(book):
@@ -213,7 +218,8 @@ def test_a_rule_finds_a_missing_tier():
 def test_a_missing_half_and_a_large_file_are_found(tmp_path):
     (tmp_path / "01_one.md").touch()
     (tmp_path / "02_two.ipynb").write_bytes(b" " * (notebooks.LIMIT_BYTES + 1))
-    (tmp_path / "index.md").touch()
+    named = "```{toctree}\n:caption: Chapters\n\n01_one\n02_two\n```\n"
+    (tmp_path / "index.md").write_text(named, encoding="utf-8")
     assert unpaired(tmp_path) == ["01_one", "02_two"]
     assert too_large(tmp_path) == ["02_two.ipynb"]
 
@@ -224,15 +230,11 @@ CHAPTER = """\
 ---
 jupytext:
   formats: ipynb,md:myst
-  notebook_metadata_filter: -jupytext.text_representation.jupytext_version
+  notebook_metadata_filter: -jupytext.text_representation.jupytext_version,-kernelspec
   text_representation:
     extension: .md
     format_name: myst
     format_version: 0.13
-kernelspec:
-  display_name: Python 3 (ipykernel)
-  language: python
-  name: python3
 ---
 
 # A chapter
@@ -254,7 +256,9 @@ def pair(tmp_path):
     md = tmp_path / "01_small.md"
     md.write_text(CHAPTER, encoding="utf-8")
     notebook = notebooks.read(md)
+    notebooks.clean(notebook)
     notebooks.set_ids(notebook)
+    notebook.metadata[notebooks.STAMP] = {"cells": notebooks.fingerprint(notebook)}
     ipynb = md.with_suffix(".ipynb")
     ipynb.write_bytes(notebooks.to_bytes(notebook, ipynb.name))
     return md, ipynb
@@ -309,7 +313,7 @@ def test_a_failing_chapter_leaves_its_twin_alone(pair, monkeypatch, capsys):
     md, ipynb = pair
     before = ipynb.read_bytes()
     md.write_text(CHAPTER.replace('print("end")', "1 / 0"), encoding="utf-8")
-    monkeypatch.setattr(notebooks, "chapters", lambda book, names: [md])
+    monkeypatch.setattr(notebooks, "chapter_files", lambda book, names: [md])
     assert notebooks.main([]) == 1
     assert "ZeroDivisionError" in capsys.readouterr().err
     assert ipynb.read_bytes() == before
@@ -354,10 +358,133 @@ def test_a_large_notebook_is_refused():
         notebooks.to_bytes(notebook_of("x" * notebooks.LIMIT_BYTES), "01_large.ipynb")
 
 
-def test_chapters_are_found_by_name(tmp_path):
-    for name in ("02_b.md", "01_a.md", "index.md", "01_a.ipynb"):
-        (tmp_path / name).touch()
-    assert [path.name for path in notebooks.chapters(tmp_path)] == ["01_a.md", "02_b.md"]
-    assert notebooks.chapters(tmp_path, ["02_b.ipynb"]) == [tmp_path / "02_b.md"]
-    with pytest.raises(ArtefactError, match="No chapter 3 in .*01_a, 02_b"):
-        notebooks.chapters(tmp_path, ["3"])
+# ---------------------------------------------------------------- what a reader wrote stays
+
+
+def edit(ipynb, old, new):
+    """As an editor does that knows nothing of pairs."""
+    text = ipynb.read_text(encoding="utf-8")
+    assert old in text
+    ipynb.write_text(text.replace(old, new), encoding="utf-8")
+
+
+@pytest.fixture
+def command(pair, monkeypatch):
+    """`run.py notebooks` on the small chapter, whose cells are not run."""
+    monkeypatch.setattr(notebooks, "chapter_files", lambda book, names: [pair[0]])
+    monkeypatch.setattr(notebooks, "execute", lambda notebook, folder: None)
+    return notebooks.main
+
+
+def test_a_new_source_is_written_into_its_twin(pair, command):
+    md, ipynb = pair
+    md.write_text(CHAPTER.replace("# A chapter", "# Another"), encoding="utf-8")
+    assert notebooks.edits(md) == ""
+    assert command([]) == 0
+    assert "# Another" in ipynb.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("change", ["edited", "added", "deleted", "tagged"])
+def test_cells_that_were_changed_in_the_twin_alone_are_not_overwritten_unasked(
+    pair, command, capsys, change
+):
+    md, ipynb = pair
+    notebook = nbformat.read(ipynb, as_version=4)
+    if change == "edited":
+        notebook.cells[1].source = "mine = 1"
+    elif change == "added":
+        notebook.cells.append(new_code_cell("mine = 1"))
+    elif change == "deleted":
+        del notebook.cells[1]
+    else:
+        notebook.cells[1].metadata["tags"] = ["mine"]
+    nbformat.write(notebook, ipynb)
+    before = [path.read_bytes() for path in pair]
+    assert command([]) == 1
+    said = capsys.readouterr().err
+    where = {"added": "3 of the .ipynb", "deleted": "2 of the .md"}.get(change, "2 of the .ipynb")
+    assert where in said and "--from ipynb" in said and len(said.splitlines()) == 1
+    assert [path.read_bytes() for path in pair] == before
+
+
+@pytest.mark.parametrize("side", ["ipynb", "md"])
+def test_either_side_can_be_kept(pair, command, side):
+    md, ipynb = pair
+    edit(ipynb, "# A chapter", "# Mine")
+    md.write_text(CHAPTER.replace('print("end")', "print('other')"), encoding="utf-8")
+    assert command(["--from", side]) == 0
+    assert notebooks.compare(md, ipynb) == [] and notebooks.edits(md) == ""
+    assert ("# Mine" in md.read_text(encoding="utf-8")) is (side == "ipynb")
+    assert md.read_text(encoding="utf-8").startswith(CHAPTER[: CHAPTER.index("# A chapter")])
+    assert command([]) == 0
+
+
+def test_a_twin_that_was_only_run_or_saved_with_its_source_holds_no_edits(pair):
+    md, ipynb = pair
+    notebook = nbformat.read(ipynb, as_version=4)
+    notebook.cells[1].outputs = [new_output("stream", text="2")]
+    nbformat.write(notebook, ipynb)
+    assert notebooks.edits(md) == ""
+    for path in pair:  # as JupyterLab does, which knows nothing of the stamp
+        path.write_text(path.read_text(encoding="utf-8").replace("# A c", "# My c"), "utf-8")
+    assert notebooks.edits(md) == ""
+
+
+def test_a_missing_source_is_written_from_its_twin_when_asked(pair, command, capsys):
+    md, ipynb = pair
+    md.unlink()
+    assert command([]) == 1 and "01_small.md is missing" in capsys.readouterr().err
+    assert command(["--from", "md"]) == 1 and "--from ipynb" in capsys.readouterr().err
+    assert command(["--from", "ipynb"]) == 0
+    assert md.read_text(encoding="utf-8") == CHAPTER
+    ipynb.unlink()
+    assert command(["--from", "ipynb"]) == 1 and "is missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", ["", "<<<<<<< ours", "[]", "{}"])
+def test_a_twin_that_is_no_notebook_is_not_overwritten_unasked(pair, command, capsys, content):
+    md, ipynb = pair
+    ipynb.write_text(content, encoding="utf-8")
+    assert command([]) == 1
+    assert "is no notebook" in capsys.readouterr().err
+    assert ipynb.read_text(encoding="utf-8") == content
+    assert command(["--from", "md"]) == 0 and notebooks.compare(md, ipynb) == []
+
+
+def save_as_jupyterlab(folder, name):
+    """Open a pair, run it (or so it looks) and save it, by the server's own manager of files."""
+    manager = build_async_jupytext_contents_manager_class(AsyncLargeFileManager)(root_dir=folder)
+
+    async def work():
+        notebook = (await manager.get(name, type="notebook", content=True))["content"]
+        notebook.metadata["kernelspec"] = {
+            "name": "python3", "language": "python", "display_name": "My Python (hub)"
+        }  # fmt: skip
+        notebook.metadata["language_info"] = {"name": "python", "version": "3.99.0"}
+        notebook.metadata["widgets"] = {"application/vnd.jupyter.widget-state+json": {"state": {}}}
+        for number, cell in enumerate(code_cells(notebook)):
+            cell.execution_count = number
+            cell.metadata |= {"execution": {"iopub.status.busy": "2026"}, "trusted": True}
+            cell.outputs = [new_output("stream", text=f"run {number}")]
+        await manager.save({"type": "notebook", "format": "json", "content": notebook}, name)
+
+    asyncio.run(work())
+
+
+@pytest.mark.parametrize("md", CHAPTERS, ids=lambda path: path.stem)
+def test_saving_a_chapter_that_was_only_run_changes_nothing_in_its_source(md, tmp_path):
+    copy = tmp_path / md.name
+    copy.write_bytes(md.read_bytes())
+    notebook = notebooks.read(md)
+    notebooks.clean(notebook)
+    copy.with_suffix(".ipynb").write_bytes(notebooks.to_bytes(notebook, md.name))
+    save_as_jupyterlab(str(tmp_path), f"{md.stem}.ipynb")
+    assert "run 0" in copy.with_suffix(".ipynb").read_text(encoding="utf-8")
+    assert copy.read_bytes() == md.read_bytes()
+
+
+def test_a_twin_is_converted_to_a_python_script(pair):
+    _, ipynb = pair
+    notebook = nbformat.read(ipynb, as_version=4)
+    body, found = ScriptExporter().from_notebook_node(notebook)
+    assert found["output_extension"] == ".py" and 'print("end")' in body

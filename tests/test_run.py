@@ -315,6 +315,8 @@ def test_a_certificate_runs_the_chapters_as_they_are_stored(calls, monkeypatch, 
     tiers.pop()
     run.certify("py", env, run.parse(["certify", "--check", "c.json"]))
     assert calls[1][-2:] == ["--check", str(Path("c.json").absolute())] and len(tiers) == 1
+    run.certify("py", env, run.parse(["certify", "--check", "c.json", "d.json"]))
+    assert calls[2][-2:] == [str(Path(name).absolute()) for name in ("c.json", "d.json")]
 
 
 def test_a_full_rerun_hands_its_options_on(calls):

@@ -13,7 +13,8 @@ from urllib.parse import unquote, urldefrag, urlsplit
 import pytest
 from pages import ROOT, SITE, page_names, stale
 
-from ptae_lite.book import contents, notebooks
+from ptae_lite.book import contents
+from ptae_lite.book.chapters import chapter_files
 from ptae_lite.errors import PTAEError
 
 PAGES = page_names()
@@ -121,7 +122,7 @@ def test_the_site_is_small():
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("md", notebooks.chapters(BOOK), ids=lambda md: md.stem)
+@pytest.mark.parametrize("md", chapter_files(BOOK), ids=lambda md: md.stem)
 def test_a_chapter_can_be_downloaded_as_a_notebook(md):
     twin = SITE / "_sources" / f"{md.stem}.ipynb"
     assert twin.read_bytes() == md.with_suffix(".ipynb").read_bytes()
@@ -129,12 +130,12 @@ def test_a_chapter_can_be_downloaded_as_a_notebook(md):
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("md", notebooks.chapters(BOOK), ids=lambda md: md.stem)
+@pytest.mark.parametrize("md", chapter_files(BOOK), ids=lambda md: md.stem)
 def test_a_chapter_sets_apart_what_it_takes_and_links_to_the_others(md):
     html = (SITE / f"{md.stem}.html").read_text("utf-8")
     assert '<p class="facts"><strong>Time:' in html
     assert '<p class="facts"><strong>' in html.split("<strong>Time:")[0]  # the objectives
-    others = {f"{other.stem}.html" for other in notebooks.chapters(BOOK) if other != md}
+    others = {f"{other.stem}.html" for other in chapter_files(BOOK) if other != md}
     body = html.split("<article")[1].split("</article")[0]
     named = {n for n in re.findall(r"[Cc]hapter (\d\d)", md.read_text("utf-8")) if n != md.stem[:2]}
     linked = {name[:2] for name in others if f'href="{name}"' in body}
@@ -180,6 +181,7 @@ def test_a_chapter_that_does_not_say_what_it_takes_is_refused(tmp_path):
 
 
 def test_the_table_of_contents_links_and_escapes(tmp_path):
+    (tmp_path / "index.md").write_text("```{toctree}\n:caption: Chapters\n\n01_x\n```\n")
     (tmp_path / "01_x.md").write_text("# A < B\n\n**Time:** 1 h\n**Prerequisites:** none\n\n")
     html = contents.Contents(tmp_path)._repr_html_()
     assert '<a href="01_x.html">A &lt; B</a>' in html and "<td>1</td>" in html

@@ -282,6 +282,8 @@ def test_a_disk_that_is_full_when_a_notebook_is_written(tmp_path, monkeypatch, c
     (tmp_path / "book").mkdir()
     (tmp_path / "book" / "01_x.md").write_text("# X\n")
     (tmp_path / "book" / "01_x.ipynb").write_text("the twin before")
+    named = "```{toctree}\n:caption: Chapters\n\n01_x\n```\n"
+    (tmp_path / "book" / "index.md").write_text(named)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(notebooks, "execute", lambda notebook, folder: None)
     real = Path.write_bytes
@@ -292,7 +294,7 @@ def test_a_disk_that_is_full_when_a_notebook_is_written(tmp_path, monkeypatch, c
 
     monkeypatch.setattr(Path, "write_bytes", write_bytes)
     with unchanged(tmp_path):
-        assert notebooks.main([]) == 1
+        assert notebooks.main(["--from", "md"]) == 1
     assert "01_x.ipynb cannot be written (No space left on device)" in capsys.readouterr().err
 
 

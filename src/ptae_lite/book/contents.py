@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import NamedTuple
 
-from ptae_lite.book import notebooks
+from ptae_lite.book.chapters import chapter_files
 from ptae_lite.errors import PTAEError
 
 _FACTS = re.compile(r"\*\*Time:\*\* (.+?)\s\*\*Prerequisites:\*\* (.+?)\n\n", re.DOTALL)
@@ -39,7 +39,7 @@ class Contents:
     """The table of all chapters in a folder, with links to their pages."""
 
     def __init__(self, book: Path | str = "."):
-        self.chapters = [chapter(md) for md in notebooks.chapters(Path(book))]
+        self.chapters = [chapter(md) for md in chapter_files(Path(book))]
 
     def _repr_html_(self) -> str:
         rows = "".join(

@@ -31,6 +31,7 @@ import jupytext
 from nbformat import NotebookNode
 
 from ptae_lite.book import notebooks
+from ptae_lite.book.chapters import chapter_names
 from ptae_lite.errors import ArtefactError, PTAEError
 from ptae_lite.pipes import piped
 
@@ -81,8 +82,10 @@ def tags(cell: NotebookNode) -> list[str]:
 
 
 def sheets(folder: Path = FOLDER) -> list[Sheet]:
-    """All exercises in a folder, in order. Raises `ArtefactError` where there are none."""
-    found = [read(md) for md in sorted(Path(folder).glob("[0-9]*.md"))]
+    """The exercises of the chapters, in order. Raises `ArtefactError` where there are none."""
+    folder = Path(folder).resolve()
+    files = [folder / f"{name}.md" for name in chapter_names(folder.parent)]
+    found = [read(md) for md in files if md.is_file()]
     if not found:
         raise ArtefactError(f"No exercises in {folder}; they are files such as 01_simulation.md.")
     return found

@@ -3,16 +3,19 @@
 A chapter is a pair. `NN_name.md` (MyST Markdown) is the source that people edit and review;
 `NN_name.ipynb` has the same cells with their outputs, for readers who look at the notebook where
 nothing runs. This command makes the second from the first. The same cells with the same outputs
-give the same bytes, so a difference in a twin always means something.
+give the same bytes, so a difference in a twin always means something. A twin knows which cells it
+was written with: cells that a reader changed in it alone are never overwritten unasked.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import os
 import sys
 from collections import Counter
+from difflib import SequenceMatcher
 from pathlib import Path
 
 import jupytext
@@ -21,6 +24,7 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellControlSignal, DeadKernelError
 from nbformat import NotebookNode
 
+from ptae_lite.book.chapters import chapter_files, notice
 from ptae_lite.errors import ArtefactError, FileError
 from ptae_lite.files import whole
 from ptae_lite.pipes import piped
@@ -29,26 +33,27 @@ LIMIT_BYTES = 500_000
 EMBED_MARK = "data-ptae-embed"  # stands in the HTML of every 3-D viewer
 WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 TIMEOUT_S = 600  # for a cell
-
-
-def chapters(book: Path, names: list[str] | None = None) -> list[Path]:
-    """The chapters' sources in order; `names` ("01_simulation") restricts them."""
-    found = {path.stem: path for path in sorted(book.glob("[0-9]*.md"))}
-    wanted = [Path(name).stem for name in names] if names else list(found)
-    unknown = [name for name in wanted if name not in found]
-    if unknown:
-        raise ArtefactError(f"No chapter {unknown[0]} in {book}; there are: {', '.join(found)}.")
-    return [found[name] for name in wanted]
+# What tools that convert a notebook go by; not the running version, which differs from reader to
+# reader.
+LANGUAGE = {"name": "python", "file_extension": ".py", "nbconvert_exporter": "python"}
+# Not in the sources: saving one in JupyterLab would write there what this machine calls its Python.
+KERNEL = {"name": "python3", "language": "python", "display_name": "Python 3"}
+STAMP = "ptae_lite"  # in a twin's metadata: the cells it was written with
 
 
 def read(md: Path) -> NotebookNode:
     """A chapter's source as a notebook without outputs."""
+    if not md.is_file():
+        raise ArtefactError(
+            f"{md} is missing; write it from its notebook: run.py notebooks {md.stem} --from ipynb"
+        )
     return jupytext.read(md, fmt="md:myst")
 
 
 def execute(notebook: NotebookNode, folder: Path) -> None:
     """Run every cell in `folder`, in the default tier whatever the caller's environment says."""
     env = {**os.environ, "PTAE_TIER": "replay", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+    env["PTAE_STATIC"] = "0"  # a twin is for JupyterLab, whose kernel answers the sliders
     env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib dates its SVG files; so every run gets the same
     # Neither time stamps, which differ in every run, nor widget state, which nothing reads later.
     options = {"timeout": TIMEOUT_S, "record_timing": False, "store_widget_state": False}
@@ -59,7 +64,8 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
 def clean(notebook: NotebookNode) -> None:
     """Drop from a notebook what does not belong into the repository."""
     notebook.metadata.pop("widgets", None)
-    notebook.metadata["language_info"] = {"name": "python"}  # without the running version
+    notebook.metadata["language_info"] = dict(LANGUAGE)
+    notebook.metadata["kernelspec"] = dict(KERNEL)
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.metadata.pop("execution", None)
@@ -113,11 +119,81 @@ def write(md: Path) -> Path:
     execute(notebook, md.parent.resolve())
     clean(notebook)
     set_ids(notebook)
+    notebook.metadata[STAMP] = {"cells": fingerprint(notebook)}
     ipynb = md.with_suffix(".ipynb")
     content = to_bytes(notebook, ipynb.name)
     with whole(ipynb) as beside:
         beside.write_bytes(content)
     return ipynb
+
+
+def fingerprint(notebook: NotebookNode) -> str:
+    """A hash of what a reader can write: the cells' types, sources and tags."""
+    return hashlib.sha256(json.dumps(_written(notebook)).encode()).hexdigest()[:16]
+
+
+def _written(notebook: NotebookNode) -> list[tuple]:
+    tags = (tuple(cell.metadata.get("tags", ())) for cell in notebook.cells)
+    return [(cell.cell_type, cell.source, t) for cell, t in zip(notebook.cells, tags, strict=True)]
+
+
+def edits(md: Path) -> str:
+    """The cells in which a pair differs where its twin was edited, in words; or nothing.
+
+    A twin that is as this module wrote it holds nothing of a reader's: only the source is new.
+    """
+    twin = _twin(md)
+    if twin is None or twin.metadata.get(STAMP, {}).get("cells") == fingerprint(twin):
+        return ""
+    if not md.is_file():
+        return f"all, for {md.name} is missing"
+    sources, twins = _written(read(md)), _written(twin)
+    ours, theirs = [], []
+    for kind, a, b, c, d in SequenceMatcher(None, sources, twins, autojunk=False).get_opcodes():
+        if kind != "equal":
+            theirs += range(c + 1, d + 1)
+            ours += range(a + 1, b + 1) if c == d else ()
+    sides = (f"{', '.join(map(str, numbers))} of the {end}"
+             for numbers, end in ((theirs, ".ipynb"), (ours, ".md")) if numbers)  # fmt: skip
+    return " and ".join(sides)
+
+
+def _twin(md: Path) -> NotebookNode | None:
+    """A chapter's twin, if there is one."""
+    ipynb = md.with_suffix(".ipynb")
+    if not ipynb.exists():
+        return None
+    try:
+        return nbformat.read(ipynb, as_version=4)
+    except Exception as error:  # what is no notebook fails in many ways
+        raise ArtefactError(
+            f"{ipynb} is no notebook ({type(error).__name__}); if nothing in it matters, write it "
+            f"anew: run.py notebooks {md.stem} --from md"
+        ) from None
+
+
+def refuse_edited(mds: list[Path]) -> None:
+    """Raise `ArtefactError` where a twin holds what a reader wrote and its source lacks."""
+    found = {md: words for md in mds if (words := edits(md))}
+    if found:
+        raise ArtefactError("\n".join(
+            f"{md.stem}: the .ipynb was edited, and differs from the .md in cells {words}; keep "
+            f"the cells of the one or the other: run.py notebooks {md.stem} --from ipynb (or md)."
+            for md, words in found.items()
+        ))  # fmt: skip
+
+
+def take_cells(md: Path) -> None:
+    """Write a chapter's source from its twin: the twin's cells below the source's own header."""
+    twin = _twin(md)
+    if twin is None:
+        raise ArtefactError(f"{md.with_suffix('.ipynb')} is missing, so nothing is taken from it.")
+    for cell in twin.cells:
+        cell.metadata.pop("vscode", None)
+    if md.is_file():
+        twin.metadata = read(md).metadata
+    with whole(md) as beside:
+        beside.write_text(jupytext.writes(twin, fmt="md:myst"), encoding="utf-8", newline="\n")
 
 
 def compare(md: Path, ipynb: Path) -> list[str]:
@@ -138,9 +214,19 @@ def compare(md: Path, ipynb: Path) -> list[str]:
 def main(argv: list[str]) -> int:
     parser = argparse.ArgumentParser(description="Run chapters and write their .ipynb twins.")
     parser.add_argument("names", nargs="*", metavar="NAME", help="chapters, such as 01_simulation")
+    parser.add_argument("--from", dest="side", choices=("md", "ipynb"),
+                        help="whose cells to keep where the .ipynb alone was edited")  # fmt: skip
     args = parser.parse_args(argv)
+    book = Path("book")
     try:
-        for md in chapters(Path("book"), args.names):
+        chosen = chapter_files(book, args.names)
+        if args.side is None:
+            refuse_edited(chosen)
+        if line := notice(book):
+            print(line, flush=True)
+        for md in chosen:
+            if args.side == "ipynb":
+                take_cells(md)
             print(f"Running {md} ...", flush=True)
             ipynb = write(md)
             print(f"wrote {ipynb}, {ipynb.stat().st_size / 1e3:.0f} kB", flush=True)

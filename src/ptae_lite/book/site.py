@@ -16,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ptae_lite.artefacts import ROOT
+from ptae_lite.book.chapters import notice
 from ptae_lite.console import guarded
 from ptae_lite.files import alone
 from ptae_lite.pipes import piped
@@ -112,6 +113,8 @@ def main(arguments=None) -> int:
         print("\n".join(chapter_lines(name, chapter)), flush=True)
 
     def work() -> int:
+        if line := notice(Path(options.book)):
+            print(line, flush=True)
         built = build(options.out, options.book, show)
         if built is None:
             print(f"The book was not built; {log} says why.")

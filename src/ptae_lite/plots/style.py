@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib_inline.backend_inline import set_matplotlib_formats
 from PIL import Image
 
-from ptae_lite.run_mode import is_static
+from ptae_lite.run_mode import for_site
 
 # Okabe and Ito's palette, safe for the common kinds of colour blindness
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
@@ -40,7 +40,7 @@ RC = {
 def use() -> None:
     """Take this look for every figure that follows in this process; on the site, as vectors."""
     plt.rcParams.update(RC)
-    if is_static() and get_ipython() is not None:
+    if for_site() and get_ipython() is not None:
         set_matplotlib_formats("svg", metadata={"Date": None})
 
 

@@ -1,8 +1,9 @@
-"""A certificate of a run of the book: `python3 run.py certify`, and `--check FILE` for a teacher.
+"""A certificate of a run of the book: `python3 run.py certify`; a teacher's `--check FILE ...`.
 
 It holds what ran, on which versions and files, the model's scores, and its answers to a dozen test
-clips that the reader's name picks: whoever copies a file has to ask the model again. It is no
-signature: the code that writes it is open, and so is the code that could forge it.
+clips that the reader's name picks: whoever copies a file has to ask the model again. Two that were
+made from one run of the chapters have its seconds in common. It is no signature: the code that
+writes it is open, and so is the code that could forge it.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def stored_hashes() -> dict[str, str]:
 def make(name: str, times: dict) -> dict:
     """The certificate of one who is called `name`, after the chapters took `times`."""
     data, expected = stored_hashes(), artefacts.manifest()
-    chapters = {c: {"seconds": t["seconds"], "ran": not t["traceback"]} for c, t in times.items()}
+    chapters = {c: _outcome(**t) for c, t in times.items()}
     sources = fingerprints.chapters()
     whole_data = all(digest == expected[file]["sha256"] for file, digest in data.items())
     body = {
@@ -91,11 +92,33 @@ def make(name: str, times: dict) -> dict:
         "chapters": chapters,
         **(ask(name) if whole_data else {"scores": {}, "answers": []}),
         "verdicts": {
-            "every chapter ran": set(sources) <= {c for c, one in chapters.items() if one["ran"]},
+            "every chapter ran": not failed(sources, chapters),
             "every stored file is whole": whole_data,
         },
     }
     return body | {"seal": seal(body)}
+
+
+def _outcome(seconds: float, traceback: str) -> dict:
+    """How a chapter's run ended; of an error its name alone, for a message may hold a path."""
+    error = traceback.strip().rpartition("\n")[2].partition(":")[0]
+    return {"seconds": seconds, "ran": not traceback} | ({"error": error} if traceback else {})
+
+
+def failed(expected, chapters: dict) -> list[str]:
+    """What did not run to its end, with the error where one is known: chapters, and the front page.
+
+    `expected` are the chapters that there are, `chapters` what a certificate says of those it ran.
+    """
+    ran = {name for name, one in chapters.items() if isinstance(one, dict) and one.get("ran")}
+    names = sorted((set(expected) | set(chapters)) - ran)
+    errors = {n: one.get("error") for n, one in chapters.items() if isinstance(one, dict)}
+    return [f"{name} ({errors[name]})" if errors.get(name) else name for name in names]
+
+
+def run_of(body: dict) -> str:
+    """A name for the run behind a certificate: no other takes the same seconds."""
+    return hashlib.sha256(json.dumps(body["chapters"], sort_keys=True).encode()).hexdigest()[:8]
 
 
 def seal(body: dict) -> str:
@@ -139,8 +162,8 @@ def check(body: dict) -> list[Line]:
     data = {name: entry["sha256"] for name, entry in artefacts.manifest().items()}
     other = sorted(n for n in data.keys() | body["data"].keys()
                    if data.get(n) != body["data"].get(n))  # fmt: skip
-    sources, ran = fingerprints.chapters(), body["chapters"]
-    failed = sorted(c for c in sources if not (isinstance(ran.get(c), dict) and ran[c].get("ran")))
+    sources = fingerprints.chapters()
+    broken = failed(sources, body["chapters"])
     changed = sorted(c for c in sources if body["sources"].get(c) != sources[c])
     here = ask(body["name"])
     same = sum(map(_same_answer, here["answers"], body["answers"]))
@@ -157,7 +180,7 @@ def check(body: dict) -> list[Line]:
         Line(library, "library", "as here" if library else "another version than the one here"),
         Line(pins, "packages", "pinned as here" if pins else "another environment.txt than here"),
         Line(not other, "data", ", ".join(other) or f"{len(data)} files as here"),
-        Line(not failed, "chapters", "did not run: " + ", ".join(failed) if failed
+        Line(not broken, "chapters", "did not run: " + ", ".join(broken) if broken
              else f"all {len(sources)} ran"),
         Line(not changed, "sources", "changed: " + ", ".join(changed) if changed
              else "the chapters of here", remark=True),
@@ -180,7 +203,7 @@ def _number(value) -> float:
 
 
 def show(body: dict, lines: list[Line]) -> int:
-    print(f"{body['name'] or 'no name'}, {body.get('made')}, "
+    print(f"{body['name'] or 'no name'}, {body.get('made')}, run {run_of(body)}, "
           + ", ".join(f"{k} {v}" for k, v in body["versions"].items()))  # fmt: skip
     for line in lines:
         state = "good" if line.good else "remark" if line.remark else "WRONG"
@@ -190,19 +213,31 @@ def show(body: dict, lines: list[Line]) -> int:
     return 0 if good else 1
 
 
+def check_all(paths) -> int:
+    """Check each file, and say which of them were made from one run."""
+    status, runs = 0, {}
+    for path in paths:
+        body = read(path)
+        status |= show(body, check(body))
+        runs.setdefault(run_of(body), []).append(f"{path} ({body['name'] or 'no name'})")
+    for run, made in runs.items():
+        if len(made) > 1:
+            print(f"remark   run       {run} is the one run of {', '.join(made)}")
+    return status
+
+
 def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(prog="run.py certify", description=__doc__.split(":")[0])
     parser.add_argument("--name", default="", help="who hands it in; picks what is asked")
     parser.add_argument("--out", default="build/certificate.json", help="file to write")
     parser.add_argument("--times", default="build/chapter_times.json", help="of the chapters' run")
-    parser.add_argument("--check", metavar="FILE", help="check a certificate, in seconds")
+    parser.add_argument("--check", metavar="FILE", nargs="+", help="check certificates, in seconds")
     options = parser.parse_args(arguments)
     torch.set_num_threads(1)
 
     def work() -> int:
         if options.check:
-            body = read(options.check)
-            return show(body, check(body))
+            return check_all(options.check)
         check_writable(options.out)
         times = Path(options.times)
         body = make(options.name, json.loads(times.read_text("utf-8")) if times.is_file() else {})
@@ -210,6 +245,8 @@ def main(arguments=None) -> int:
             beside.write_text(json.dumps(body, indent=1, ensure_ascii=False) + "\n", "utf-8")
         for what, good in body["verdicts"].items():
             print(f"{'good' if good else 'WRONG':<8} {what}")
+        if broken := failed(body["sources"], body["chapters"]):
+            print(f"{'':<8} did not run: {', '.join(broken)}")
         print(f"Hand in {options.out}")
         return 0 if all(body["verdicts"].values()) else 1
 

@@ -8,6 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 from ptae_lite.artefacts import ROOT
+from ptae_lite.book.chapters import chapter_files
 
 SOURCE = Path(__file__).resolve().parents[1]
 ASIDE = (
@@ -45,7 +46,7 @@ def library() -> str:
 
 def chapters(book: Path = ROOT / "book") -> dict[str, str]:
     """Of each chapter's source."""
-    return {path.stem: of_files([path], book) for path in sorted(book.glob("[0-9]*.md"))}
+    return {path.stem: of_files([path], book) for path in chapter_files(book)}
 
 
 def environment(root: Path = ROOT) -> str:

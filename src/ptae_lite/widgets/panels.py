@@ -89,7 +89,8 @@ class Panel:
             who cannot see it; otherwise the label and the values.
 
     Shown with a kernel, it is a widget, with a picture of the start for pages that show no
-    widgets. With `PTAE_STATIC=1` in the environment it is HTML with every frame drawn beforehand.
+    widgets. For a page without one (`run_mode.is_static`) it is HTML with every frame drawn
+    beforehand.
     Each frame is drawn once. An error of the function comes up when the panel is made, or, later,
     in place of the picture.
     """

@@ -9,7 +9,7 @@ import pandas as pd
 from IPython.display import HTML
 
 from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
-from ptae_lite.run_mode import is_static
+from ptae_lite.run_mode import for_site
 
 MARKS = {HELD: "●", CAVEAT: "◐", NOT_HELD: "○", NOT_TESTABLE: "–"}
 COLUMNS = ("claim", "paper", "ours", "this run", "verdict")
@@ -17,7 +17,7 @@ COLUMNS = ("claim", "paper", "ours", "this run", "verdict")
 
 def link(chapter: str, heading: str) -> str:
     """Where a heading of a chapter is: on the site, or among the notebooks in JupyterLab."""
-    if not is_static():
+    if not for_site():
         return f"{chapter}.ipynb#{heading.replace(' ', '-')}"
     return f"{chapter}.html#{re.sub(r'[^a-z0-9_ -]', '', heading.lower()).replace(' ', '-')}"
 

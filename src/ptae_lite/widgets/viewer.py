@@ -23,7 +23,7 @@ from jaxtyping import Float
 from PIL import Image
 
 from ptae_lite.errors import PTAEError
-from ptae_lite.run_mode import is_static
+from ptae_lite.run_mode import for_site
 
 SHARED_SCRIPT = "_static/scene.js"  # from the site's root
 UNIT = 2.0**-14  # of a pose's entries: places to 0.03 mm, turns to 0.002 degrees
@@ -97,7 +97,7 @@ class Viewer:
 
     def _repr_html_(self) -> str:
         """In a notebook a frame with all in it; on the site (`PTAE_STATIC=1`) with a still."""
-        static = is_static()
+        static = for_site()
         title, page = html.escape(self.title), html.escape(self.html(shared=static))
         # A notebook's page is closed off. The site's own takes the script and the theme from it.
         closed = "" if static else 'sandbox="allow-scripts" '

@@ -1,0 +1,76 @@
+"""Which files are chapters: those in the table of contents "Chapters" of `index.md`.
+
+Whatever else lies beside them, such as a copy that a reader made in JupyterLab, is the reader's
+own: it is no chapter, no page and no test, and whoever leaves it out says so.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ptae_lite.errors import ArtefactError
+
+EXERCISES = "exercises"  # a folder of the book that holds no pages
+_TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def chapter_names(book: Path) -> list[str]:
+    """The chapters' names ("01_simulation"). Raises `ArtefactError` where there are none."""
+    for options, named in _tables(Path(book) / "index.md"):
+        if ":caption: Chapters" in options and named:
+            return named
+    raise ArtefactError(f"{Path(book, 'index.md')} lists no chapters; the book's own does.")
+
+
+def chapter_files(book: Path, names: list[str] | None = None) -> list[Path]:
+    """The chapters' sources in order; `names` ("01_simulation") restricts them."""
+    there = chapter_names(book)
+    wanted = [Path(name).stem for name in names] if names else there
+    for name in wanted:
+        if name not in there:
+            raise ArtefactError(f"No chapter {name} in {book}; there are: {', '.join(there)}.")
+    return [Path(book, f"{name}.md") for name in wanted]
+
+
+def page_names(book: Path) -> set[str]:
+    """Every page of the site: `index`, and what can be reached from it ("api/data")."""
+    found, todo = set(), ["index"]
+    while todo:
+        page = todo.pop()
+        if page not in found:
+            found.add(page)
+            folder = Path(page).parent
+            for _, named in _tables(Path(book, f"{page}.md")):
+                todo += [(folder / name).as_posix() for name in named]
+    return found
+
+
+def left_out(book: Path) -> list[str]:
+    """Sources and notebooks in the book's folder that are neither a page nor a chapter's twin."""
+    pages, found = page_names(book), []
+    for path in sorted(Path(book).rglob("*")):
+        inside = path.relative_to(book)
+        if any(part.startswith((".", "_")) or part == EXERCISES for part in inside.parts):
+            continue
+        page = inside.with_suffix("").as_posix()
+        if inside.suffix in (".md", ".ipynb") and page not in pages:
+            found.append(inside.as_posix())
+    return found
+
+
+def notice(book: Path) -> str:
+    """One line that names what is left out, or nothing."""
+    names = left_out(book)
+    return f"Left out, since index.md does not list them: {', '.join(names)}" if names else ""
+
+
+def _tables(page: Path) -> list[tuple[list[str], list[str]]]:
+    """The tables of contents of a page, each with its options and the documents it names."""
+    text = page.read_text(encoding="utf-8") if page.is_file() else ""
+    tables = []
+    for body in _TOCTREE.findall(text):
+        lines = [line.strip() for line in body.splitlines() if line.strip()]
+        options = [line for line in lines if line.startswith(":")]
+        tables.append((options, [line for line in lines if line not in options]))
+    return tables
