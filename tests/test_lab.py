@@ -243,6 +243,13 @@ def test_a_chapter_is_run_moved_edited_and_saved(notebook, lab, chapter):
             use(page, page.locator(f'.jp-Cell[data-windowed-list-index="{place}"]'))
             SHOTS.mkdir(parents=True, exist_ok=True)
             page.screenshot(path=SHOTS / f"lab-{chapter}-{place}.png")
+    source = home / "book" / f"{chapter}.md"
+    twin, before = source.with_suffix(".ipynb"), source.read_bytes()
+    written = twin.stat().st_mtime_ns
+    page.evaluate("() => window.jupyterapp.commands.execute('docmanager:save')")
+    until(lambda: twin.stat().st_mtime_ns > written, message=f"{twin.name} was not saved")
+    until(lambda: source.stat().st_mtime_ns >= twin.stat().st_mtime_ns, message="not the source")
+    assert source.read_bytes() == before  # only run: nothing that is written changed
     page.evaluate(SCROLL_TO, 0)
     cell = page.locator('.jp-Cell[data-windowed-list-index="0"]')
     cell.dblclick()
@@ -252,7 +259,6 @@ def test_a_chapter_is_run_moved_edited_and_saved(notebook, lab, chapter):
     page.keyboard.type("\n\nA reader was here.")
     page.keyboard.press("Shift+Enter")
     page.keyboard.press("Control+s")
-    source = home / "book" / f"{chapter}.md"
     until(lambda: "A reader was here." in source.read_text(encoding="utf-8"),
           message=f"{source.name} does not hold the edit")  # fmt: skip
-    assert "A reader was here." in source.with_suffix(".ipynb").read_text(encoding="utf-8")
+    assert "A reader was here." in twin.read_text(encoding="utf-8")
