@@ -297,7 +297,7 @@ def test_the_least_limit_counts():
         return machine.check_memory(limits).state
 
     assert state(machine=int(8e9)) == GOOD and state() == GOOD
-    assert state(machine=int(8e9), group=int(1.2e9)) == WARNING
+    assert state(machine=int(8e9), group=int(1.6e9)) == WARNING
     assert state(machine=int(8e9), group=int(0.5e9)) == PROBLEM
     assert "by group" in machine.check_memory({"machine": 8 * 10**9, "group": 10**9}).says
     found = machine.check_memory({"machine": 8 * 10**9}, addresses=10**9)

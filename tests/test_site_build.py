@@ -62,6 +62,15 @@ def test_a_build_that_does_not_reach_its_end_leaves_the_old_site(sphinx, tmp_pat
     assert not (tmp_path / site.TIMES).exists()  # the old times are not this run's
 
 
+@pytest.mark.parametrize(("said", "killed"), [("DeadKernelError: Kernel died", True), ("x", False)])
+def test_a_killed_kernel_is_told_as_such(said, killed, sphinx, tmp_path, capsys):
+    sphinx(status=2, ends=False)
+    (tmp_path / "logs").mkdir()
+    (tmp_path / site.LOG).write_text(f"Extension error:\n{said}\n")
+    assert site.main(["--out", str(tmp_path)]) == 1
+    assert ("lack of memory" in capsys.readouterr().out) == killed
+
+
 def test_two_builds_at_once_are_refused(sphinx, tmp_path):
     sphinx()
     with (

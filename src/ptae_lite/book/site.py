@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ptae_lite.artefacts import ROOT
 from ptae_lite.book.chapters import notice
+from ptae_lite.book.machine import CHAPTER_GB
 from ptae_lite.console import guarded
 from ptae_lite.files import alone
 from ptae_lite.pipes import piped
@@ -26,6 +27,10 @@ ENDED = "chapters_ended.jsonl"  # the book's conf.py adds a line as each chapter
 LOG = Path("logs", "sphinx.log")
 TAIL = 15  # lines shown of a chapter's traceback
 POLL_S = 0.2
+KILLED = (
+    "A chapter's kernel was killed, probably for lack of memory: chapter 02 takes "
+    f"{CHAPTER_GB} GB, and two chapters run at a time; python3 run.py doctor says what there is."
+)
 
 
 def build(out, book=ROOT / "book", show: Callable = lambda name, chapter: None) -> dict | None:
@@ -88,6 +93,11 @@ def chapters(ended: Path) -> list[list]:
     return [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
 
 
+def kernel_was_killed(log: Path) -> bool:
+    """Whether the system ended a chapter's kernel, which Sphinx does not survive."""
+    return log.exists() and "DeadKernelError" in log.read_text(encoding="utf-8", errors="replace")
+
+
 def clock(text: str) -> None:
     """The one line of a terminal that changes; nothing where the output is kept."""
     if sys.stdout.isatty():
@@ -118,6 +128,8 @@ def main(arguments=None) -> int:
         built = build(options.out, options.book, show)
         if built is None:
             print(f"The book was not built; {log} says why.")
+            if kernel_was_killed(log):
+                print(KILLED)
             return 1
         print(f"Open {Path(options.out, 'html', 'index.html')}")
         if built["status"]:

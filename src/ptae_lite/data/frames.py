@@ -106,7 +106,12 @@ def frame(pattern: int, variation: int, t: int) -> np.ndarray:
 
 def images(keys) -> np.ndarray:
     """Several stored frames (M, 120, 160, 3)."""
-    return np.stack([frame(*key) for key in keys])
+    from ptae_lite.robot.recorder import IMAGE
+
+    found = np.empty((len(keys), *IMAGE), np.uint8)  # there is no need to have them twice
+    for place, key in zip(found, keys, strict=True):
+        place[:] = frame(*key)
+    return found
 
 
 def training_images(folder, every: int = 3) -> np.ndarray:
