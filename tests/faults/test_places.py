@@ -34,6 +34,7 @@ def project(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_project_in_a_folder_with_spaces_and_umlauts(project):
     run = python("-m", "ptae_lite", "evaluate", "data/weights/ptae.safetensors", "--split",
                  "held_out", "--json", cwd=project, PYTHONPATH=str(project / "src"))  # fmt: skip
@@ -44,6 +45,7 @@ def test_a_project_in_a_folder_with_spaces_and_umlauts(project):
     assert found["data"]["state"] == "good" and found["Python"]["state"] == "good"
 
 
+@pytest.mark.slow
 def test_a_recording_into_a_folder_with_spaces_and_umlauts(simulator, tmp_path):
     folder = tmp_path / "Aufnahme für später"
     code, said = run("record", folder)
@@ -51,6 +53,7 @@ def test_a_recording_into_a_folder_with_spaces_and_umlauts(simulator, tmp_path):
     assert len(list(folder.glob("sequences/*.npz"))) == 6
 
 
+@pytest.mark.slow
 def test_a_locale_without_utf8(project):
     """Every text of ours is read, and a name that the locale cannot write ends nothing."""
     code = (
@@ -73,6 +76,7 @@ def test_a_locale_without_utf8(project):
     assert run.stdout.split() == ["M\\xfcller", "\\u2192", "\\u0410"]
 
 
+@pytest.mark.slow
 def test_a_missing_file_with_umlauts_under_such_a_locale(tmp_path):
     with unchanged(tmp_path):
         run = python("-m", "ptae_lite", "evaluate", "gewählt.safetensors", cwd=tmp_path, **NO_UTF8)
