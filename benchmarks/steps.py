@@ -27,7 +27,7 @@ def product_rate() -> float:
 
 def some_batches(samples, model: str):
     """Batches as training builds them, and the same with every step of held poses."""
-    from ptae_lite import training
+    from ptae_lite.data.batches import epoch_batches
     from ptae_lite.data.scaling import fit_scaling, prepare
     from ptae_lite.data.signals import STEPS as MAX_STEPS
     from ptae_lite.data.signals import Source, build
@@ -36,7 +36,7 @@ def some_batches(samples, model: str):
     recipe, train = MODELS[model].recipe, samples.split("train")
     source = Source(prepare(samples, fit_scaling(samples, train)))
     rng = np.random.default_rng(0)
-    epoch = training.epoch_batches(rng, train, None, recipe, MODELS[model].config().mix.regular)
+    epoch = epoch_batches(rng, train, None, recipe, MODELS[model].config().mix.regular)
     for part, signals in islice(epoch, WARM_UP + STEPS):
         words = torch.from_numpy(rng.integers(0, 8, len(part)))
         yield tuple(

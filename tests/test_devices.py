@@ -7,8 +7,10 @@ import pytest
 import torch
 
 from ptae_lite import devices, training, vision
+from ptae_lite.data.signals import build
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import encoders
+from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
 gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
@@ -32,6 +34,32 @@ def test_a_gpu_is_chosen_only_where_there_is_one(monkeypatch):
     for there, wanted in ((True, "cuda"), (False, "cpu")):
         monkeypatch.setattr(torch.cuda, "is_available", lambda there=there: there)
         assert devices.choose("auto") == wanted and devices.choose("cpu") == "cpu"
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_model_makes_its_tensors_where_its_input_is(source, small_configs, model):
+    """A tensor that is made without a device would here be made where nothing can be computed."""
+    samples = torch.arange(0, 864, 90)
+    mixed = build(source, samples, torch.arange(10) % 5, torch.arange(10) % 8)
+    network = MODELS[model].network(small_configs[model])
+    paired = torch.arange(len(mixed.frames)) % 2 == 0
+    found = []
+    for default in ("cpu", "meta"):
+        with torch.device(default), devices.seeded(0, "cpu"):
+            found.append([*network(mixed), *network.costs(mixed, paired)])
+    for one, other in zip(*found, strict=True):
+        assert other.device.type == "cpu" and torch.equal(one, other)
+
+
+def test_a_training_leaves_the_generators_and_cudnn_as_they_were(few, tiny):
+    eye = vision.make_eye("plain")
+    torch.manual_seed(3)
+    wanted, precision = torch.rand(4), torch.backends.cudnn.allow_tf32
+    torch.manual_seed(3)
+    training.train(few, Recipe(epochs=1, batch=8), config=tiny)
+    images = np.zeros((4, 120, 160, 3), np.uint8)
+    vision.train_eye(eye, images, vision.EyeRecipe(steps=1, batch=2))
+    assert torch.equal(torch.rand(4), wanted) and torch.backends.cudnn.allow_tf32 == precision
 
 
 @gpu

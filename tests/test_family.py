@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from ptae_lite import training
+from ptae_lite.data.batches import draw_signals, epoch_batches
 from ptae_lite.data.signals import Source, build, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, respond
@@ -317,7 +318,7 @@ def shares(signals):
     ],
 )
 def test_each_model_draws_its_own_signals(mix, supervised, wanted):
-    drawn = training.draw_signals(np.random.default_rng(0), 60_000, supervised, mix)
+    drawn = draw_signals(np.random.default_rng(0), 60_000, supervised, mix)
     assert shares(drawn) == pytest.approx(dict(zip(SIGNALS, wanted, strict=True)), abs=0.008)
 
 
@@ -325,8 +326,8 @@ def test_repeat_both_needs_a_label(samples):
     train = samples.split("train")
     labelled = training.label(train, 10, seed=0)
     rng = np.random.default_rng(0)
-    batches = training.epoch_batches(rng, train, labelled, Recipe(), PGAEConfig().mix.limited)
-    parts, signals = (np.concatenate(column) for column in zip(*batches, strict=True))
+    epoch = epoch_batches(rng, train, labelled, Recipe(), PGAEConfig().mix.limited)
+    parts, signals = (np.concatenate(column) for column in zip(*epoch, strict=True))
     both = signals == signal_number("repeat both")
     assert both.any() and np.isin(parts[both], labelled).all()
 

@@ -8,6 +8,7 @@ import pytest
 
 import ptae_lite.__main__ as cli
 from ptae_lite import training
+from ptae_lite.data import batches
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, supervision
 from ptae_lite.experiments.supervision import Job
@@ -52,11 +53,11 @@ def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
 
 def test_held_out_patterns_take_no_part_in_a_training(samples, small_configs, monkeypatch):
     """The real thing in small: scored on held-out patterns, trained on the others."""
-    seen, scored, build = set(), [], training.build
+    seen, scored, build = set(), [], batches.build
     small = {"ptae": MODELS["ptae"]._replace(config=lambda features: small_configs["ptae"])}
     monkeypatch.setattr(training, "MODELS", small)
     monkeypatch.setattr(recipes, "REGULAR", replace(RECIPES["ptae"], epochs=1, batch=54))
-    monkeypatch.setattr(training, "build", lambda source, samples, *rest: (
+    monkeypatch.setattr(batches, "build", lambda source, samples, *rest: (
         seen.update(samples.tolist()) or build(source, samples, *rest)))  # fmt: skip
     monkeypatch.setattr(supervision, "scores", lambda trained, samples, split: (
         scored.append(split) or {"describe_accuracy": 1.0}))  # fmt: skip

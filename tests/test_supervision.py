@@ -12,6 +12,7 @@ from torch import nn
 import ptae_lite.__main__ as cli
 from ptae_lite import training
 from ptae_lite.baselines import linear_describe_accuracy
+from ptae_lite.data import batches
 from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate
@@ -34,7 +35,7 @@ def job(share=50, seed=0, model="ptae", mode="samples", variant="balanced"):
 @pytest.fixture
 def small(monkeypatch, small_configs):
     """Trainings are of tiny models; keeps what each of their steps was built from."""
-    built, real = [], training.build
+    built, real = [], batches.build
 
     def build(source, samples, signals, alternative, hold, extra, told):
         built.append((samples.numpy(), signals.numpy(), told.numpy()))
@@ -45,7 +46,7 @@ def small(monkeypatch, small_configs):
         for k, kind in MODELS.items()
     }
     monkeypatch.setattr(training, "MODELS", small)
-    monkeypatch.setattr(training, "build", build)
+    monkeypatch.setattr(batches, "build", build)
     return built
 
 
@@ -61,9 +62,9 @@ class Idle(nn.Module):
 
 
 @pytest.fixture
-def idle(small, small_configs, monkeypatch):
+def idle(small, monkeypatch):
     """As `small`, at no cost: what a training draws does not depend on its model."""
-    idle = {k: (Idle, lambda features, k=k: small_configs[k]) for k in MODELS}
+    idle = {k: kind._replace(network=Idle) for k, kind in training.MODELS.items()}
     monkeypatch.setattr(training, "MODELS", idle)
     return small
 
@@ -145,7 +146,7 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
 
 def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
     """Whatever partners are drawn: what was blended is to be described, and so is its partner."""
-    seen, real = [], training.blend
+    seen, real = [], batches.blend
 
     def blend(batch, share, partner):
         made = real(batch, share, partner)
@@ -156,7 +157,7 @@ def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
         seen.extend([*own[changed], *other[changed]])
         return made
 
-    monkeypatch.setattr(training, "blend", blend)
+    monkeypatch.setattr(batches, "blend", blend)
     this = job(50)
     supervision.fit(few, this, Recipe(epochs=4, batch=8))
     assert seen and set(seen) <= set(supervision.labelled(few, this).tolist())

@@ -9,6 +9,8 @@ import pytest
 import torch
 
 from ptae_lite import training
+from ptae_lite.data import batches
+from ptae_lite.data.batches import draw_partners, draw_signals, epoch_batches
 from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.data.signals import SUPERVISED, UNSUPERVISED, Batch, blend, build, signal_number
 from ptae_lite.errors import ConfigError
@@ -41,13 +43,13 @@ def test_losses_by_hand(source):
 
 
 def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
-    given, real = [], training.build
+    given, real = [], batches.build
 
     def build(source, samples, signals, alternative, hold, extra, told):
         given.append(extra)
         return real(source, samples, signals, alternative, hold, extra, told)
 
-    monkeypatch.setattr(training, "build", build)
+    monkeypatch.setattr(batches, "build", build)
     training.train(few, Recipe(epochs=20, batch=8, extra=0.25), config=tiny)
     assert torch.cat(given).float().mean() == pytest.approx(0.25, abs=0.06)
     given.clear()
@@ -69,7 +71,7 @@ def test_a_perfect_answer_costs_nothing(source):
 
 @pytest.mark.parametrize("supervised", [2 / 3, 0.02, 0.5])
 def test_signals_are_drawn_in_their_proportions(supervised):
-    drawn = training.draw_signals(np.random.default_rng(0), 60_000, supervised)
+    drawn = draw_signals(np.random.default_rng(0), 60_000, supervised)
     shares = torch.bincount(drawn, minlength=5) / len(drawn)
     wanted = [0.0] * 5
     for numbers, share in (
@@ -83,17 +85,17 @@ def test_signals_are_drawn_in_their_proportions(supervised):
 
 def test_an_epoch_takes_every_sample_once(samples):
     train = samples.split("train")
-    batches = list(training.epoch_batches(np.random.default_rng(0), train, None, Recipe()))
-    assert [len(part) for part, _ in batches] == [27] * 24
-    assert sorted(np.concatenate([part for part, _ in batches])) == train.tolist()
+    epoch = list(epoch_batches(np.random.default_rng(0), train, None, Recipe()))
+    assert [len(part) for part, _ in epoch] == [27] * 24
+    assert sorted(np.concatenate([part for part, _ in epoch])) == train.tolist()
 
 
 @pytest.mark.parametrize("share", [1, 10, 50, 66.6, 99])
 def test_only_labelled_samples_take_supervised_signals_and_only_they(samples, share):
     train = samples.split("train")
     labelled = training.label(train, share, seed=0)
-    batches = training.epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
-    parts, signals = (np.concatenate(column) for column in zip(*batches, strict=True))
+    epoch = epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
+    parts, signals = (np.concatenate(column) for column in zip(*epoch, strict=True))
     supervised = np.isin(signals, SUPERVISED_NUMBERS)
     assert np.isin(signals[~supervised], UNSUPERVISED_NUMBERS).all()
     np.testing.assert_array_equal(np.isin(parts, labelled), supervised)
@@ -103,8 +105,8 @@ def test_only_labelled_samples_take_supervised_signals_and_only_they(samples, sh
 def test_few_labelled_samples_are_all_used_and_the_others_in_turn(samples):
     train = samples.split("train")
     labelled = training.label(train, 1, seed=0)
-    batches = training.epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
-    parts = np.concatenate([part for part, _ in batches])
+    epoch = epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
+    parts = np.concatenate([part for part, _ in epoch])
     assert set(labelled) <= set(parts)
     others = parts[~np.isin(parts, labelled)]
     assert len(set(others)) == len(others) == 324
@@ -266,7 +268,7 @@ def test_the_action_decoder_learns_at_its_own_pace(few, tiny):
 
 def test_partners_have_the_same_signal_and_shares_are_of_the_larger_part():
     signals = torch.tensor([0, 1, 0, 0, 2, 1])
-    share, partner = training.draw_partners(np.random.default_rng(0), signals)
+    share, partner = draw_partners(np.random.default_rng(0), signals)
     assert torch.equal(signals[partner], signals) and sorted(partner.tolist()) == list(range(6))
     assert share.min() >= 0.5 and share.max() <= 1
     assert partner.tolist() != list(range(6))
@@ -287,8 +289,8 @@ def test_a_blended_clip_asks_for_both_sentences_in_its_shares(make_batch):
 
 
 def test_without_mixup_no_clip_is_blended(few, tiny, monkeypatch):
-    seen, real = [], training.blend
-    monkeypatch.setattr(training, "blend", lambda *parts: seen.append(1) or real(*parts))
+    seen, real = [], batches.blend
+    monkeypatch.setattr(batches, "blend", lambda *parts: seen.append(1) or real(*parts))
     for mixup, steps in ((False, 0), (True, 3)):
         training.train(few, Recipe(epochs=1, batch=8, mixup=mixup), config=tiny)
         assert len(seen) == steps

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import torch
 from torch import Tensor
@@ -16,8 +17,7 @@ from ptae_lite.errors import ConfigError
 
 
 def check(device: str) -> None:
-    """Make ready to compute on a device. Raises `ConfigError` where it cannot be used here."""
-    torch.backends.cudnn.allow_tf32 = False  # whole float32, as on the CPU; PyTorch shortens it
+    """Raise `ConfigError` if a device cannot be used here."""
     try:
         torch.zeros(1, device=device)
     except (RuntimeError, AssertionError, NotImplementedError):
@@ -25,6 +25,25 @@ def check(device: str) -> None:
             f"device {device!r} cannot be used here, or PyTorch was built without it; "
             "train without --device to use the CPU"
         ) from None
+
+
+@contextmanager
+def seeded(seed: int, device: str) -> Iterator[None]:
+    """Inside, PyTorch draws from `seed`; afterwards its generators go on as if nothing had been."""
+    with torch.random.fork_rng([] if torch.device(device).type == "cpu" else [device]):
+        torch.manual_seed(seed)
+        yield
+
+
+@contextmanager
+def whole_float32() -> Iterator[None]:
+    """Inside, cuDNN computes with all bits of float32, as the CPU does; by default it does not."""
+    before = torch.backends.cudnn.allow_tf32
+    torch.backends.cudnn.allow_tf32 = False
+    try:
+        yield
+    finally:
+        torch.backends.cudnn.allow_tf32 = before
 
 
 def choose(wanted: str) -> str:

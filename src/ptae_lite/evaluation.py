@@ -42,8 +42,7 @@ def respond(
         part = samples[i : i + size]
         signals = torch.full((len(part),), number)
         batch: Batch = change(build(source, part, signals, alternative[i : i + size]))
-        with device:  # what the model makes itself belongs there, too
-            answer = trained.model(batch.to(device))
+        answer = trained.model(batch.to(device))
         answers.append([part.cpu() for part in answer])
     return Answer(*(torch.cat(column) for column in zip(*answers, strict=True)))
 

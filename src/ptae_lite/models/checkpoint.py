@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 
+import numpy as np
 import torch
+from jaxtyping import Float
 from torch import nn
 
 from ptae_lite import artefacts
@@ -15,12 +17,40 @@ from ptae_lite.models.registry import MODELS
 
 
 @dataclass(frozen=True)
+class TrainingRecord:
+    """What a training reports of itself. It is stored with the weights."""
+
+    eye: str  # whose features were trained on: the hash of the image encoder's weights
+    recipe: dict
+    split: str
+    holdout: int | None  # training patterns kept aside as a test part, see `splits`
+    labelled: int  # samples with a label
+    steps: int  # updates of the whole training
+    supervised_presentations: int = 0  # how often a sample was shown where its label counted
+    # the mean of each of the model's losses in each epoch
+    history: list[list[float]] = field(default_factory=list)
+
+    def after_epoch(self, means: Float[np.ndarray, " L"], supervised: int) -> TrainingRecord:
+        """With one more epoch: the means of its losses, and its supervised presentations."""
+        means = [round(mean, 5) for mean in means.tolist()]
+        return replace(
+            self,
+            history=[*self.history, means],
+            supervised_presentations=self.supervised_presentations + supervised,
+        )
+
+
+@dataclass(frozen=True)
 class Trained:
-    """A model with everything that is needed to use it."""
+    """A model with everything that is needed to use it.
+
+    `about` is what its file says of it: the fields of a `TrainingRecord` (weights of earlier
+    versions may lack some), and `kind` and `config` once it was stored.
+    """
 
     model: nn.Module
     scaling: Scaling
-    about: dict  # kind, config, eye, recipe, history ...
+    about: dict
 
     def dataset(self, samples: Samples) -> Dataset:
         """`samples` scaled as this model was trained.

@@ -41,7 +41,7 @@ class Sequence(nn.Module):
 
     def forward(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]):
         # not `pack_padded_sequence`: the way back through it is quadratic in the number of steps
-        inside = torch.arange(rows.shape[1]) < lengths[:, None]
+        inside = torch.arange(rows.shape[1], device=rows.device) < lengths[:, None]
         return self.lstm(rows)[0] * inside[..., None]
 
 
@@ -73,17 +73,17 @@ class BertWords(nn.Module):
         self.size = len(TOKENS) + bert.config.hidden_size
 
     def forward(self, tokens: Int[Tensor, "B N"], mask: Bool[Tensor, "B N"]):
-        rows = torch.zeros(*tokens.shape, self.size)
+        rows = torch.zeros(*tokens.shape, self.size, device=tokens.device)
         signals = tokens >= len(VOCABULARY)
         rows[..., : len(TOKENS)] = functional.one_hot(tokens, len(TOKENS)) * signals[..., None]
         for i, (line, there) in enumerate(zip(tokens.tolist(), mask.tolist(), strict=True)):
             words = tuple(t for t, used in zip(line, there, strict=True) if used)[1:]
-            rows[i, 1 : 1 + len(words), len(TOKENS) :] = self._states(words)
+            rows[i, 1 : 1 + len(words), len(TOKENS) :] = self._states(words).to(rows)
         return rows
 
     def _states(self, words: tuple[int, ...]) -> Float[Tensor, "N E"]:
         if words not in self._seen:
-            with torch.no_grad(), torch.device("cpu"):  # where BERT stays, wherever the model is
+            with torch.no_grad():  # on the CPU, where BERT stays
                 self._seen[words] = self._read(words)
         return self._seen[words]
 

@@ -58,7 +58,8 @@ def _words_ask(encoder: CrossmodalTransformer, words_in, batch: Batch) -> Float[
     tokens one by one takes all of them at once.
     """
     still = (batch.keys[:, 1:] == batch.keys[:, :1]).all(2)
-    still |= torch.arange(1, batch.keys.shape[1]) >= batch.frames[:, None]
+    frame = torch.arange(1, batch.keys.shape[1], device=batch.frames.device)
+    still |= frame >= batch.frames[:, None]
     keys = torch.where(still.all(1), 1, batch.frames)
     kinds = torch.stack([keys, batch.token_mask.sum(1)], dim=1)
     groups = [(kinds == kind).all(1).nonzero()[:, 0] for kind in kinds.unique(dim=0)]

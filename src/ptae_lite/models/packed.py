@@ -27,7 +27,8 @@ class Packed(NamedTuple):
     @classmethod
     def of(cls, lengths: Int[Tensor, " B"]) -> Packed:
         order = lengths.argsort(descending=True, stable=True)
-        going = torch.arange(int(lengths.max()))[:, None] < lengths[order]
+        step = torch.arange(int(lengths.max()), device=lengths.device)
+        going = step[:, None] < lengths[order]
         step, place = going.nonzero(as_tuple=True)
         ends = going.sum(1).cumsum(0).tolist()
         return cls(order, order[place], step, list(zip([0, *ends], ends, strict=False)))

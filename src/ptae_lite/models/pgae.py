@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -68,23 +69,29 @@ class PGAE(nn.Module):
         self.register_buffer("word_weights", class_weights(c.weigh_words), persistent=False)
 
     def forward(self, batch: Batch) -> Answer:
-        code = self._code(batch, RecurrentEncoder.__call__)
+        """The answer to a batch: log-probabilities of the words, and joints, at every step."""
+        words, lengths = self._words(batch)
+        said, seen = self.words_in(words, lengths), self.clip_in(batch.keys, batch.frames)
+        code = self.fuse(seen, said)
         return self._answer(batch, code, self.action(code, batch.video, batch.start))
 
     def quick(self, batch: Batch) -> Answer:
-        """What `forward` answers, computed only where it counts."""
-        code = self._code(batch, fast.summarise)
+        """The answer of `forward`, computed faster for training (see `fast`)."""
+        words, lengths = self._words(batch)
+        said = fast.summarise(self.words_in, words, lengths)
+        seen = fast.summarise(self.clip_in, batch.keys, batch.frames)
+        code = self.fuse(seen, said)
         return self._answer(batch, code, fast.act(self.action, code, batch))
 
-    def _code(self, batch: Batch, encode) -> Tensor:
+    def _words(self, batch: Batch) -> tuple[Float[Tensor, "B N W"], Int[Tensor, " B"]]:
+        """The query tokens as one-hot rows, and how many there are."""
         words = functional.one_hot(batch.tokens, len(TOKENS)).to(batch.keys.dtype)
-        said = encode(self.words_in, words, batch.token_mask.sum(1))
-        return self.fuse(encode(self.clip_in, batch.keys, batch.frames), said)
+        return words, batch.token_mask.sum(1)
 
     def _answer(self, batch: Batch, code: Tensor, joints: Tensor) -> Answer:
         no_heads = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
         return Answer(self.language(code, WORDS_OUT), joints, code, no_heads)
 
     def costs(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
-        """Language and action loss, words weighed by class; `paired` is PVAE's alone."""
+        """Losses to minimise: language (words weighted) and action. `paired` is not used."""
         return losses(self.quick(batch), batch, self.word_weights)

@@ -107,6 +107,7 @@ class PTAE(nn.Module):
         self.register_buffer("word_weights", class_weights(c.weigh_words), persistent=False)
 
     def forward(self, batch: Batch) -> Answer:
+        """The answer to a batch: log-probabilities of the words, and joints, at every step."""
         batch = self._shown(batch)
         code, attention = self.encode(batch)
         joints = self.action(code, batch.video, batch.start)
@@ -116,11 +117,12 @@ class PTAE(nn.Module):
         """The code (B, H), and the attention weights (B, heads, N, T)."""
         words = self.words_in(batch.tokens, batch.token_mask).to(batch.keys.dtype)
         frames = self.frames_in(batch.keys, batch.frames) if self.frames_in else batch.keys
-        inside = torch.arange(batch.keys.shape[1]) < batch.frames[:, None]
+        frame = torch.arange(batch.keys.shape[1], device=batch.frames.device)
+        inside = frame < batch.frames[:, None]
         return self.encoder(words, batch.token_mask, frames, inside)
 
     def quick(self, batch: Batch) -> Answer:
-        """What `forward` answers, but for the attention, and computed only where it counts."""
+        """The answer of `forward` without attention weights, computed faster for training."""
         batch = self._shown(batch)
         if self.config.plain:
             code = fast.encode(self.encoder, self.words_in, batch)
@@ -131,7 +133,7 @@ class PTAE(nn.Module):
         return Answer(self.language(code, WORDS_OUT), joints, code, unseen)
 
     def costs(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
-        """Language and action loss, as training minimises them; `paired` is PVAE's alone."""
+        """Losses to minimise: language and action. `paired` is not used."""
         return losses(self.quick(batch), batch, self.word_weights)
 
     def _shown(self, batch: Batch) -> Batch:

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -93,11 +93,17 @@ class Half(nn.Module):
         self.mean = nn.Linear(summary, config.code)
         self.log_variance = nn.Linear(summary, config.code) if config.variational else None
 
-    def forward(self, rows: Float[Tensor, "B T I"], lengths, encode=RecurrentEncoder.__call__):
-        """The code of sequences (`encode` may be the fast form of the same)."""
-        summary = encode(self.encoder, reverse(rows, lengths), lengths)
-        sure = self.log_variance(summary) if self.log_variance else None
-        return Code(self.mean(summary), sure)
+    def forward(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Code:
+        """The code of sequences that end after `lengths` rows."""
+        return self._code(self.encoder(reverse(rows, lengths), lengths))
+
+    def quick(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Code:
+        """The same, computed faster for training (see `fast`)."""
+        return self._code(fast.summarise(self.encoder, reverse(rows, lengths), lengths))
+
+    def _code(self, summary: Float[Tensor, "B S"]) -> Code:
+        log_variance = self.log_variance(summary) if self.log_variance else None
+        return Code(self.mean(summary), log_variance)
 
 
 def binding(first: Float[Tensor, "B H"], second: Float[Tensor, "B H"], margin: float) -> Tensor:
@@ -110,7 +116,7 @@ def binding(first: Float[Tensor, "B H"], second: Float[Tensor, "B H"], margin: f
     """
     apart = torch.cdist(first, second, compute_mode="donot_use_mm_for_euclid_dist")
     paired = apart.diagonal()
-    others = 1 - torch.eye(len(apart), dtype=apart.dtype)
+    others = 1 - torch.eye(len(apart), dtype=apart.dtype, device=apart.device)
     hinges = (
         (functional.relu(paired[:, None] - gap + margin) * others).mean()
         for gap in (apart, apart.T)
@@ -143,11 +149,14 @@ class PVAE(nn.Module):
         if c.gain:
             spread([self.words_in, self.clip_in, self.language], c.gain)
 
-    def encode(self, batch: Batch, encode=RecurrentEncoder.__call__) -> tuple[Code, Code]:
+    def encode(self, batch: Batch) -> tuple[Code, Code]:
         """Codes of the sentence (without the signal) and of the clip."""
+        return self.words_in(*self._words(batch)), self.clip_in(batch.keys, batch.frames)
+
+    def _words(self, batch: Batch) -> tuple[Float[Tensor, "B N V"], Int[Tensor, " B"]]:
+        """The sentences as one-hot rows, and how long each is."""
         words = functional.one_hot(batch.tokens[:, 1:], len(VOCABULARY)).to(batch.keys.dtype)
-        said = self.words_in(words, batch.token_mask.sum(1) - 1, encode)
-        return said, self.clip_in(batch.keys, batch.frames, encode)
+        return words, batch.token_mask.sum(1) - 1
 
     def decode(self, batch: Batch, to_say, to_do, joints: Tensor) -> Answer:
         """What the decoders make of a code (B, H) each; `code` is both, side by side."""
@@ -159,19 +168,22 @@ class PVAE(nn.Module):
         """Answers without chance. With `repeat both` each half decodes its own code."""
         said, done = (code.mean for code in self.encode(batch))
         by_action, by_language = (
-            torch.isin(batch.tokens[:, :1], torch.tensor([signal_index(s) for s in signals]))
+            sum(batch.tokens[:, :1] == signal_index(s) for s in signals).bool()
             for signals in (BY_ACTION, BY_LANGUAGE)
         )
         to_say, to_do = torch.where(by_action, done, said), torch.where(by_language, said, done)
         return self.decode(batch, to_say, to_do, self.action(to_do, batch.video, batch.start))
 
     def costs(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
-        """Language and action loss of repeating both, and what binds and spreads the codes.
+        """Losses to minimise: language and action when both are repeated, and the binding loss.
 
-        Only samples that are `paired` are bound (all if None). The halves share nothing else, so a
-        clip and a sentence of the others might as well be strangers.
+        Args:
+            paired: the samples whose two codes are bound (all if None); nothing else connects a
+                clip with its sentence. In a PVAE the divergence of all codes is added.
         """
-        c, codes = self.config, self.encode(batch, fast.summarise)
+        c = self.config
+        said = self.words_in.quick(*self._words(batch))
+        codes = said, self.clip_in.quick(batch.keys, batch.frames)
         to_say, to_do = (self.draw(code) for code in codes)
         answer = self.decode(batch, to_say, to_do, fast.act(self.action, to_do, batch))
         said, done = (code.mean for code in codes)
@@ -183,9 +195,9 @@ class PVAE(nn.Module):
         return *losses(answer, batch), bound
 
     def draw(self, code: Code) -> Float[Tensor, "B H"]:
-        """The mean, moved by chance in a PVAE."""
+        """The mean, in a PVAE with noise in proportion to the standard deviation."""
         if code.log_variance is None:
             return code.mean
-        spread = self.config.noise * (code.log_variance / 2).exp()
-        chance = torch.randn(code.mean.shape, device="cpu")  # where a seed draws the same anywhere
-        return code.mean + spread * chance.to(code.mean)
+        deviation = self.config.noise * (code.log_variance / 2).exp()
+        noise = torch.randn(code.mean.shape, device="cpu")  # a seed draws the same everywhere
+        return code.mean + deviation * noise.to(code.mean)

@@ -79,7 +79,8 @@ class RecurrentEncoder(nn.Module):
         self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]
     ) -> Float[Tensor, "B S"]:
         """Memory and hidden state of each layer after a sample's last row: S = layers x 2 units."""
-        hidden, item = rows.transpose(0, 1)[: int(lengths.max())], torch.arange(len(rows))
+        hidden = rows.transpose(0, 1)[: int(lengths.max())]
+        item = torch.arange(len(rows), device=rows.device)
         parts = []
         for cell in self.cells:
             hidden, memory = cell.run(hidden)
@@ -89,7 +90,7 @@ class RecurrentEncoder(nn.Module):
 
 def reverse(rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Float[Tensor, "B T I"]:
     """Each sequence backwards within its own length; what lies beyond stays where it is."""
-    place, end = torch.arange(rows.shape[1]), lengths[:, None]
+    place, end = torch.arange(rows.shape[1], device=rows.device), lengths[:, None]
     turned = torch.where(place < end, end - 1 - place, place)
     return rows.gather(1, turned[..., None].expand_as(rows))
 

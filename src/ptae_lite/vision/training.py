@@ -72,10 +72,10 @@ class EyeTraining:
 
     def __init__(self, eye: nn.Module, recipe: EyeRecipe, device: str = "cpu"):
         devices.check(device)
-        torch.manual_seed(recipe.seed)
-        for layer in eye.modules():
-            if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
-                layer.reset_parameters()
+        with devices.seeded(recipe.seed, "cpu"):
+            for layer in eye.modules():
+                if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
+                    layer.reset_parameters()
         self.recipe, self.device, self.step = recipe, device, 0
         gpu, rate = torch.device(device).type == "cuda", recipe.learning_rate
         if gpu:  # a replayed step reads the rate where it lies
@@ -92,14 +92,15 @@ class EyeTraining:
         Without `steps` the training is a long one, whose rate does not fall yet.
         """
         losses, update = [], devices.Replayed(partial(self._update, value=value))
-        for step in progress(range(self.step, until)):
-            rng = np.random.default_rng([self.recipe.seed, step])
-            some = images[rng.integers(0, len(images), self.recipe.batch)]
-            self._set_rate(self.recipe.learning_rate * rate_share(step, steps))
-            x = as_input(some, self.device).contiguous(memory_format=self.layout)
-            loss = update(x)
-            losses.append(loss.item() if value else 0.0)
-            self.step = step + 1
+        with devices.whole_float32():
+            for step in progress(range(self.step, until)):
+                rng = np.random.default_rng([self.recipe.seed, step])
+                some = images[rng.integers(0, len(images), self.recipe.batch)]
+                self._set_rate(self.recipe.learning_rate * rate_share(step, steps))
+                x = as_input(some, self.device).contiguous(memory_format=self.layout)
+                loss = update(x)
+                losses.append(loss.item() if value else 0.0)
+                self.step = step + 1
         return losses
 
     def _update(self, x, value: bool):

@@ -1,0 +1,163 @@
+"""The batches of a training: which samples, with which signals, and every other random draw.
+
+Signals are mixed within a batch: every sample draws its own, so a step learns all tasks at once
+(ours; the published code has one signal a batch, batches of 6, and 270,000 steps). Only labelled
+samples ever take part in a supervised signal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import lcm
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Int
+from torch import Tensor
+
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.scaling import Scaling, prepare
+from ptae_lite.data.signals import PTAE_MIX, Batch, Source, blend, build, refilm, signal_number
+from ptae_lite.recipe import Recipe
+
+
+def draw_signals(
+    rng: np.random.Generator, count: int, supervised, groups=PTAE_MIX.regular
+) -> Int[Tensor, " B"]:
+    """A signal number for each of `count` samples.
+
+    Args:
+        supervised: the probability that a sample takes a signal of the second group, else of the
+            first; one number for all, or one a sample (0 and 1 then fix its group).
+        groups: two groups of signal names; within a group each is equally likely.
+    """
+    width = lcm(*map(len, groups))  # a group fills its row by repeating itself
+    rows = [[signal_number(s) for s in group] * (width // len(group)) for group in groups]
+    row = (rng.random(count) < supervised).astype(int)
+    return torch.from_numpy(np.array(rows)[row, rng.integers(0, width, count)])
+
+
+def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
+    """Shares (B,) from 0.5 to 1, and a partner (B,) of the same signal for each sample."""
+    share, partner = rng.uniform(0.5, 1.0, len(signals)), np.arange(len(signals))
+    for signal in signals.unique().numpy():
+        same = np.flatnonzero(signals.numpy() == signal)
+        partner[same] = rng.permutation(same)
+    return torch.from_numpy(share.astype(np.float32)), torch.from_numpy(partner)
+
+
+def draw_films(rng: np.random.Generator, part, films: dict, scaling: Scaling) -> dict[int, Tensor]:
+    """Another video for some samples of a batch: place in the batch to scaled features (99, F).
+
+    Each sample's recorded video and its others (`films`, raw features by sample number) are drawn
+    with equal chance; where the recorded one is drawn, the place is left out.
+    """
+    drawn = {}
+    for place, sample in enumerate(part):
+        others = films.get(int(sample), ())
+        which = rng.integers(0, len(others) + 1)
+        if which:
+            film = scaling.features(others[which - 1]).astype(np.float32)
+            drawn[place] = torch.from_numpy(film)
+    return drawn
+
+
+def epoch_batches(
+    rng, train: np.ndarray, labelled: np.ndarray | None, recipe: Recipe, groups=PTAE_MIX.regular
+):
+    """Yield the batches of one epoch: sample numbers (B,) and signal numbers (B,).
+
+    If all samples have a label (`labelled` is None), each sample appears once and draws any
+    signal. Otherwise labelled samples take the signals that need a label, the others the rest.
+    With `recipe.balanced`, half of every batch is drawn from the labelled samples and half from
+    the others in turn. Without it each sample appears once, so the share of supervised updates is
+    the share of labelled samples.
+    """
+    if labelled is None or not recipe.balanced:
+        order = rng.permutation(train)
+        for i in range(0, len(order) - recipe.batch + 1, recipe.batch):
+            part = order[i : i + recipe.batch]
+            share = recipe.supervised if labelled is None else np.isin(part, labelled)
+            yield part, draw_signals(rng, len(part), share, groups)
+        return
+    unlabelled, taken = rng.permutation(np.setdiff1d(train, labelled)), 0
+    for i in range(max(len(train) // recipe.batch, 1)):
+        half = (recipe.batch + i % 2) // 2  # an odd batch gives its odd one to each in turn
+        mine = rng.choice(labelled, half, replace=len(labelled) < half)
+        rest = recipe.batch - half
+        others = np.take(unlabelled, np.arange(taken, taken + rest), mode="wrap")
+        taken += rest
+        signals = [draw_signals(rng, n, share, groups) for n, share in ((half, 1.0), (rest, 0.0))]
+        yield np.concatenate([mine, others]), torch.cat(signals)
+
+
+class TrainingBatch(NamedTuple):
+    """One step's batch, and where its labels count."""
+
+    inputs: Batch
+    paired: Bool[Tensor, " B"]  # samples with a label: their sentence and clip belong together
+    supervised: int  # how many of them drew a signal that needs the label
+
+
+class Batches:
+    """The batches of a training, epoch by epoch. All draws but the network's own are made here.
+
+    Draws are made on the CPU by a generator of their own, so that a seed gives the same batches
+    everywhere. Their order is part of what a seed means: a change of it changes every training.
+
+    Args:
+        indices: the samples to train on.
+        labelled: the samples whose labels may be used; all of `indices` if None.
+        groups: signals without and with need of a label, in the order of `Mix`.
+        need_label: names of the signals that need a label.
+        films: by sample number, other videos (99, F) before scaling, see `draw_films`.
+    """
+
+    def __init__(
+        self, samples: Samples, scaling: Scaling, indices, labelled, recipe: Recipe, groups,
+        need_label, films: dict[int, list[np.ndarray]] | None = None,
+    ):  # fmt: skip
+        self.source, self.scaling = Source(prepare(samples, scaling)), scaling
+        self.indices, self.labelled, self.recipe = indices, labelled, recipe
+        self.groups, self.films = groups, films
+        self.need_label = [signal_number(signal) for signal in need_label]
+        self.with_label = indices if labelled is None else labelled
+        self.without_label = indices if labelled is None else np.setdiff1d(indices, labelled)
+        self.rng = np.random.default_rng(recipe.seed)
+        self.count = len(self._parts())  # of an epoch; this drawn epoch is not trained on
+
+    def _parts(self) -> list:
+        return list(epoch_batches(self.rng, self.indices, self.labelled, self.recipe, self.groups))
+
+    def epoch(self) -> Iterator[TrainingBatch]:
+        """The batches of the next epoch."""
+        for part, signals in self._parts():
+            yield self._batch(part, signals)
+
+    def _batch(self, part: np.ndarray, signals: Tensor) -> TrainingBatch:
+        rng, recipe = self.rng, self.recipe
+        alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
+        extra = torch.from_numpy(rng.random(len(part)) < recipe.extra) if recipe.extra else None
+        sentences_of = torch.from_numpy(self._sentences_of(part, signals))
+        batch = build(
+            self.source, torch.from_numpy(part), signals, alternative, recipe.hold, extra,
+            sentences_of,
+        )  # fmt: skip
+        if self.films:
+            batch = refilm(batch, draw_films(rng, part, self.films, self.scaling))
+        if recipe.mixup:
+            batch = blend(batch, *draw_partners(rng, signals))
+        paired = np.isin(part, self.with_label)
+        supervised = int((np.isin(signals, self.need_label) & paired).sum())
+        return TrainingBatch(batch, torch.from_numpy(paired), supervised)
+
+    def _sentences_of(self, part: np.ndarray, signals: Tensor) -> np.ndarray:
+        """Whose sentence each sample is given: its own.
+
+        If the recipe is `unpaired`, repeat language takes that of any sample without a label.
+        """
+        if not self.recipe.unpaired:
+            return part
+        repeats = signals.numpy() == signal_number("repeat language")
+        return np.where(repeats, self.rng.choice(self.without_label, len(part)), part)
