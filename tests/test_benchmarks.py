@@ -73,6 +73,7 @@ def test_an_unknown_name_is_refused_with_those_there_are(run, capsys):
     assert "no measure 'speed'; there are recording, cae, cae_step" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_fast_step_of_a_cae_is_measured_beside_the_readable_one(run, monkeypatch):
     monkeypatch.setattr(run, "WARM_UP", 1)
     monkeypatch.setattr(run, "CAE_STEPS", 3)
@@ -82,6 +83,7 @@ def test_the_fast_step_of_a_cae_is_measured_beside_the_readable_one(run, monkeyp
         assert 0.3 < row.low <= row.value <= row.high < 30 and not row.at_most
 
 
+@pytest.mark.slow
 def test_a_step_of_each_model_is_measured_as_training_takes_it(run, monkeypatch):
     module = sys.modules[run.steps.__module__]
     monkeypatch.setattr(module, "STEPS", 2)
@@ -92,6 +94,7 @@ def test_a_step_of_each_model_is_measured_as_training_takes_it(run, monkeypatch)
         assert 0 < row.low <= row.value <= row.high and not row.at_most
 
 
+@pytest.mark.slow
 def test_describing_ends_when_its_training_does(run, monkeypatch):
     monkeypatch.setattr(sys.modules[run.describing.__module__], "SHORT_EPOCHS", 2)
     (row,) = run.describing(SimpleNamespace(full=False))
@@ -147,6 +150,7 @@ def test_every_action_is_in_the_recorded_part_once(run):
     assert {sum(patterns()[i].frames for i in some) for some in run.RECORDED} == {300}
 
 
+@pytest.mark.slow
 def test_no_simulator_without_a_recording():
     code = (
         "import sys; sys.path.insert(0, 'benchmarks'); import run;"
