@@ -23,7 +23,7 @@ from ptae_lite.models import (
     checkpoint,
 )
 from ptae_lite.models.common import Answer, class_weights, losses
-from ptae_lite.models.gated import GatedUnit
+from ptae_lite.models.pgae import GatedUnit
 from ptae_lite.models.pvae import Code, binding, divergence
 from ptae_lite.training import Recipe
 

@@ -1,14 +1,14 @@
-"""What all models share: the form of an answer, what a wrong one costs, a check of sizes."""
+"""What all models share: the protocol they keep to, their answers, losses, a check of sizes."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
 
-from ptae_lite.data.signals import Batch, Blended
+from ptae_lite.data.signals import Batch, Blended, Mix
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import VOCABULARY, WORD_INDEX, Meaning, words_of
 
@@ -20,6 +20,38 @@ class Answer(NamedTuple):
     joints: Float[Tensor, "B 99 5"]
     code: Float[Tensor, "B H"]
     attention: Float[Tensor, "B heads N T"]
+
+
+class Config(Protocol):
+    """What every model's configuration has: a frozen dataclass of sizes and choices."""
+
+    features: int  # visual features a frame
+    joints: int
+
+    @property
+    def mix(self) -> Mix:
+        """The signals that the model is trained on."""
+
+
+class Model(Protocol):
+    """What training, evaluation and storing ask of a model, an `nn.Module` made from its `Config`.
+
+    `models.registry` lists the models that keep to this.
+    """
+
+    kind: str  # its name in the registry
+    config: Config
+    action: nn.Module  # the action decoder; it has a learning rate of its own
+
+    def __call__(self, batch: Batch) -> Answer:
+        """The answer to each sample of a batch, at every step."""
+
+    def costs(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
+        """Losses to minimise: language, action, and any further ones, a number each.
+
+        Args:
+            paired: samples with a label, whose sentence and clip are known to belong together.
+        """
 
 
 def losses(

