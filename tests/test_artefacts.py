@@ -18,7 +18,7 @@ EYE_FILE = "weights/cae.safetensors"
 @pytest.fixture
 def data(tmp_path, monkeypatch):
     """A data folder with one stored file, taken for the real one."""
-    monkeypatch.setattr(artefacts, "DATA", tmp_path)
+    monkeypatch.setenv("PTAE_DATA", str(tmp_path))
     (tmp_path / "one.bin").write_bytes(b"whole")
     artefacts.register("one.bin", command=COMMAND, seed=3, minutes=4.25, data=tmp_path)
     return tmp_path
@@ -243,8 +243,8 @@ def test_a_folder_with_a_damaged_file_is_refused(tmp_path, content):
 
 def test_every_stored_file_is_whole_and_every_file_is_in_the_manifest():
     entries = artefacts.manifest()
-    files = [path for path in artefacts.DATA.rglob("*") if path.is_file()]
-    names = {path.relative_to(artefacts.DATA).as_posix() for path in files}
+    files = [path for path in artefacts.data_folder().rglob("*") if path.is_file()]
+    names = {path.relative_to(artefacts.data_folder()).as_posix() for path in files}
     assert names - {"MANIFEST.json"} == set(entries)
     for name, entry in entries.items():
         assert artefacts.stored(name).stat().st_size == entry["bytes"]

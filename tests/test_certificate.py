@@ -160,5 +160,5 @@ def test_the_command_writes_and_checks_one_file(quick, times, tmp_path, capsys):
     assert certificate.main([*made[:2], "--out", str(tmp_path / "no.json"), *made[4:]]) == 1
     assert "did not run: 05_incongruence (MemoryError)" in capsys.readouterr().out
     assert certificate.main(["--check", str(path)]) == 0
-    assert certificate.main(["--check", str(artefacts.DATA / "MANIFEST.json")]) == 1
+    assert certificate.main(["--check", str(artefacts.data_folder() / "MANIFEST.json")]) == 1
     assert "certify: " in capsys.readouterr().err

@@ -92,7 +92,7 @@ def test_an_unknown_command_is_an_error(capsys):
 
 @pytest.mark.parametrize("folder", ["", "recording", "deep/er"])
 def test_nothing_is_recorded_into_the_data_folder(refusal, tmp_path, monkeypatch, folder):
-    monkeypatch.setattr(artefacts, "DATA", tmp_path)
+    monkeypatch.setenv("PTAE_DATA", str(tmp_path))
     message = refusal("record", "--out", tmp_path / folder)
     assert "data/ holds what the book is built on; write into build/recording/" in message
     assert not list(tmp_path.iterdir())

@@ -283,7 +283,7 @@ def test_the_plan_is_shown_without_doing_anything(tmp_path, capsys):
 
 
 def test_a_full_run_into_the_data_folder_is_refused(capsys):
-    assert pipeline.main(["--out", str(artefacts.DATA / "full")]) == 1
+    assert pipeline.main(["--out", str(artefacts.data_folder() / "full")]) == 1
     assert (
         "data/ holds what the book is built on; write into build/full/" in capsys.readouterr().err
     )
@@ -403,7 +403,9 @@ def test_every_table_and_every_array_is_compared_in_something():
     for one in STAGES:
         for name, check in one.makes.items():
             if name.endswith(".csv") or (name.endswith(".npz") and check is not checks.READOUT):
-                assert check.compare(name, artefacts.DATA, artefacts.DATA).agrees, name
+                assert check.compare(
+                    name, artefacts.data_folder(), artefacts.data_folder()
+                ).agrees, name
 
 
 @pytest.mark.parametrize(("lost", "agrees"), [(2, True), (6, False)])
@@ -453,7 +455,7 @@ def test_pictures_are_compared_by_their_pixels(tmp_path, levels, agrees):
 
 
 def test_the_stored_eyes_and_features_agree_with_themselves_by_score():
-    data = artefacts.DATA
+    data = artefacts.data_folder()
     for one in STAGES:
         for name, check in one.makes.items():
             if check is checks.READOUT or "draws" in check.states:
@@ -465,7 +467,7 @@ def test_a_model_is_compared_by_its_scores(monkeypatch, accuracy, agrees):
     scores = iter([{"describe_accuracy": accuracy, "execute_nrmse": 1.9},
                    {"describe_accuracy": 99.5, "execute_nrmse": 1.7}])  # fmt: skip
     monkeypatch.setattr(checks, "evaluate", lambda *_: next(scores))
-    data = artefacts.DATA
+    data = artefacts.data_folder()
     assert checks.SCORES.compare("weights/ptae.safetensors", data, data).agrees is agrees
 
 

@@ -92,7 +92,7 @@ def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_p
     monkeypatch.setattr(checkpoint, "load", lambda path: trained)
     monkeypatch.setattr(conflict_examples, "load_samples", lambda name: samples)
     monkeypatch.setattr(conflict_examples, "film", lambda *given: FILMS)
-    monkeypatch.setattr(artefacts, "DATA", tmp_path)
+    monkeypatch.setenv("PTAE_DATA", str(tmp_path))
     monkeypatch.setattr(artefacts, "register", lambda name, **about: noted.update({name: about}))
     assert conflict_examples.main(["--out", str(tmp_path / "look")]) == 0
     assert not noted and (tmp_path / "look" / conflict_examples.TOLD).exists()

@@ -27,14 +27,18 @@ from ptae_lite.errors import ArtefactError, FileError
 from ptae_lite.files import cannot_write, whole
 
 ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("PTAE_DATA") or ROOT / "data").absolute()
 MANIFEST = "MANIFEST.json"
 RECORDED_WITH = ("torch", "numpy", "pybullet", "pybullet-arm64")
 
 
+def data_folder() -> Path:
+    """The folder of the stored files: `data/`, or the one that `PTAE_DATA` names."""
+    return Path(os.environ.get("PTAE_DATA") or ROOT / "data").absolute()
+
+
 def manifest(data: Path | None = None) -> dict:
     """The manifest's entries by file name."""
-    path = (data or DATA) / MANIFEST
+    path = (data or data_folder()) / MANIFEST
     if not path.is_file():
         raise ArtefactError(
             f"{path} is missing, so no stored file can be trusted; "
@@ -66,7 +70,7 @@ def stored(name: str, data: Path | None = None) -> Path:
     Raises:
         ArtefactError: with the name, the expected hash and the command that makes the file again.
     """
-    data = data or DATA
+    data = data or data_folder()
     entry, path = entry_of(name, data), inside(name, data)
     mend = (
         f"restore it with: git checkout data/{name} "
@@ -108,7 +112,7 @@ def sha256(path: Path, *_stamp) -> str:
 
 def register(name: str, *, command: str, seed: int | None, minutes: float, data=None) -> dict:
     """Write or renew the manifest's entry of a file that has just been put into `data/`."""
-    data = data or DATA
+    data = data or data_folder()
     path = inside(name, data)
     entries = manifest(data) if (data / MANIFEST).exists() else {}
     status = path.stat()

@@ -70,7 +70,7 @@ def guarded(name: str, work: Callable[[], int | None]) -> int:
 
 def refuse_data(path, instead: str) -> None:
     """No command writes into the data that the book is built on."""
-    if Path(path).resolve().is_relative_to(artefacts.DATA.resolve()):
+    if Path(path).resolve().is_relative_to(artefacts.data_folder().resolve()):
         raise PTAEError(f"{path}: data/ holds what the book is built on; write into {instead}/")
 
 

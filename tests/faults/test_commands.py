@@ -112,15 +112,15 @@ def test_an_eye_into_a_folder_where_none_may_be_made(refused, no_training, tmp_p
 
 
 def test_weights_over_the_stored_ones(refused, no_training):
-    path = artefacts.DATA / "weights" / "ptae.safetensors"
+    path = artefacts.data_folder() / "weights" / "ptae.safetensors"
     with unchanged(path.parent):
         message = refused("train", "ptae", "--out", path)
     assert "data/ holds what the book is built on; write into build/weights/" in message
 
 
 def test_a_study_into_the_stored_tables(refused):
-    with unchanged(artefacts.DATA / "results"):
-        message = refused("study", "family", "--out", artefacts.DATA / "results")
+    with unchanged(artefacts.data_folder() / "results"):
+        message = refused("study", "family", "--out", artefacts.data_folder() / "results")
     assert "data/ holds what the book is built on; write into build/results/" in message
 
 

@@ -36,8 +36,8 @@ def data(tmp_path, monkeypatch):
     """A data folder with the stored CAEs, whole, taken for the real one."""
     folder = tmp_path / "data"
     for name in EYES:
-        artefacts.adopt(name, artefacts.DATA, folder)
-    monkeypatch.setattr(artefacts, "DATA", folder)
+        artefacts.adopt(name, artefacts.data_folder(), folder)
+    monkeypatch.setenv("PTAE_DATA", str(folder))
     return folder
 
 

@@ -147,7 +147,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         trained, samples = checkpoint.load(artefacts.stored(MODEL)), load_samples("recording")
         films = film(options.recording, samples, int(samples.split("test")[0]))
-        folder = artefacts.DATA / "results" if options.store else options.out
+        folder = artefacts.data_folder() / "results" if options.store else options.out
         for path in write(folder, trained, samples, films):
             print(f"wrote {path.name}, {path.stat().st_size / 1e3:.0f} kB")
             if options.store:

@@ -70,7 +70,7 @@ def ask(name: str) -> dict:
 
 def stored_hashes() -> dict[str, str]:
     """What the files in `data/` are, which need not be what the manifest says."""
-    there = {name: artefacts.DATA / name for name in artefacts.manifest()}
+    there = {name: artefacts.data_folder() / name for name in artefacts.manifest()}
     return {name: artefacts.sha256(path) if path.is_file() else "" for name, path in there.items()}
 
 

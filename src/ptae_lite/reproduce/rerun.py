@@ -13,9 +13,9 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
 
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
@@ -31,13 +31,14 @@ TAKEN = "taken from data/"
 PATIENCE_S = 5  # for a command to end after Ctrl-C
 
 
-class Settings(NamedTuple):
+@dataclass(frozen=True)
+class Settings:
     """What the commands of a re-run have in common."""
 
     out: Path
     seeds: int = 3
     device: str = "cpu"
-    stored: Path = artefacts.DATA
+    stored: Path = field(default_factory=artefacts.data_folder)
 
     @property
     def data(self) -> Path:
