@@ -1,4 +1,4 @@
-"""What chapter 02 says about the eyes, held against the stored tables."""
+"""What chapter 02 says about the encoders, held against the stored tables."""
 
 import math
 from pathlib import Path
@@ -103,7 +103,7 @@ def test_the_figures_are_described_with_their_numbers(means, text):
         f"plain 10 ends falling, at {first[PLAIN_10][1]:.0f}",
         f"peaks early at {high:.0f} and ends at {last[SEPARATED][1]:.0f}",
         f"plain 30 falls to {down:.0f} and climbs to {last[PLAIN_30][1]:.0f}",
-        f"Places: plain 30 ends at {place[PLAIN_30]:.1f} mm, the separated eye at "
+        f"Places: plain 30 ends at {place[PLAIN_30]:.1f} mm, the channel-separated encoder at "
         f"{place[SEPARATED]:.1f}, plain 10 at {place[PLAIN_10]:.1f}",
     ):
         assert said in text
@@ -145,7 +145,7 @@ def test_what_has_levelled_off_is_what_the_page_says(rows, text):
     """When this fails, the page's paragraphs about the rule have to be written anew."""
     by_rule = encoders_table.levelled(rows)
     assert by_rule[by_rule].index.tolist() == [(SEPARATED, 512_000)]
-    assert "one row has levelled off: the separated eye after 512,000 images" in text
+    assert "one row has converged: the channel-separated encoder after 512,000 images" in text
     changed = encoders_table.changes(rows)
     after = changed.loc[SEPARATED, 1_024_000]
     assert round(after["first_place_mm"]) == -11 and round(after["last_both"]) == -4
@@ -189,7 +189,7 @@ def test_wrong_colours_in_drawings_are_of_short_trainings(means):
 
 
 def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(rows, text):
-    assert "Three seeds of each eye, and their ranges do not touch" in text
+    assert "Three seeds of each encoder, and their ranges do not touch" in text
     for lengths in encoders_table.EQUAL.values():
         same = encoders_table.at(rows, lengths)
         assert set(same.groupby("eye")["seed"].nunique()) == {3}

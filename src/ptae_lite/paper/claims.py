@@ -231,7 +231,7 @@ CLAIMS = [
         for name, place in (("False vision", "vision"), ("False proprioception", "proprioception"))
     ),
     Claim(
-        "The eye",
+        "The encoder",
         "Separate colour channels tell colours apart better than one network",
         IN_WORDS,
         channels,
