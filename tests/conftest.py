@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from functools import partial
 
 import jaxtyping
 import numpy as np
@@ -117,6 +118,25 @@ def small_configs(tiny):
         "pvae": PVAEConfig(**sizes),
         "prae": PRAEConfig(**sizes),
     }
+
+
+@pytest.fixture
+def small_experiments(monkeypatch, small_configs):
+    """Experiments are of tiny models and few epochs; keeps those that were trained."""
+    from ptae_lite.experiments import experiment, runner
+    from ptae_lite.training import Recipe
+
+    asked, real, models = [], runner.fit, experiment.MODELS
+
+    def fit(one, *rest, **more):
+        asked.append(one)
+        return real(one, *rest, **more)
+
+    small = {k: v._replace(config=partial(replace, small_configs[k])) for k, v in models.items()}
+    monkeypatch.setattr(experiment, "MODELS", small)
+    monkeypatch.setattr(experiment, "RECIPES", dict.fromkeys(small, Recipe(epochs=6, batch=8)))
+    monkeypatch.setattr(runner, "fit", fit)
+    return asked
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,6 @@
 """The study of the closed loop on made-up data, and what it keeps for the pages."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -11,8 +12,8 @@ from ptae_lite import artefacts, vision
 from ptae_lite.data.samples import load_samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import closed_loop as study
-from ptae_lite.experiments import episodes, family
-from ptae_lite.models import PTAEConfig, checkpoint
+from ptae_lite.experiments import episodes, experiment, family, runner, videos
+from ptae_lite.models import MODELS, PTAEConfig, checkpoint
 from ptae_lite.training import Recipe, train
 
 TINY = {"hidden": 16, "heads": 2, "feed_forward": 32, "decoder_units": 12, "dropout": 0.0}
@@ -30,19 +31,22 @@ def recorded():
 @pytest.fixture
 def quick(monkeypatch):
     """One epoch of a tiny model, and an arm that is given up after a few frames."""
-    monkeypatch.setattr(study, "RECIPES", {"ptae": Recipe(epochs=1, batch=6)})
-    monkeypatch.setattr(study, "PTAEConfig", lambda **choices: PTAEConfig(**TINY | choices))
+    sizes = lambda **choices: PTAEConfig(**TINY | choices)  # noqa: E731
+    small = {"ptae": MODELS["ptae"]._replace(config=sizes)}
+    monkeypatch.setattr(experiment, "RECIPES", {"ptae": Recipe(epochs=1, batch=6)})
+    monkeypatch.setattr(experiment, "MODELS", small)
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 4)
 
 
-def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_place(tmp_path):
+def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_place(recorded):
     for model, variant in study.OF_FAMILY.items():
-        assert family.VARIANTS[variant] == ("ptae", study.MODELS[model], {})
-        found = study.weights_of(tmp_path, model, 2)
-        assert found == family.weights_of(tmp_path, variant, 2)
-    assert found.name == "ptae_first_frame_only_seed2.safetensors"
-    own = study.weights_of(tmp_path, "open eyes", 0).name
-    assert own == "ptae_open_eyes_seed0.safetensors"
+        own = study.experiment_of(recorded, model, 2)
+        other = family.experiment_of(recorded, "recording", variant, 2)
+        assert own == other and (own.hash, own.file) == (other.hash, other.file)
+    assert own.file == "ptae_first_frame_only_seed2.safetensors"
+    own = study.experiment_of(recorded, "open eyes", 0)
+    assert own.file == "ptae_open_eyes_seed0.safetensors"
+    assert study.experiment_of(recorded, "aggregated", 0).base == own
 
 
 def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded, tmp_path):
@@ -77,10 +81,24 @@ def test_without_conditions_each_model_goes_through_those_that_are_stored():
     assert {job for job in found if job[1] == 0} == {job for job in expected if job[1] == 0}
 
 
+def test_rows_that_are_stored_are_not_made_again(simulator, tmp_path, monkeypatch):
+    for name in ("closed_loop.csv", "closed_loop_models.csv"):
+        shutil.copy(artefacts.stored(f"results/{name}"), tmp_path)
+    table = pd.read_csv(tmp_path / "closed_loop.csv")
+    monkeypatch.setattr(runner, "obtain", lambda *_: pytest.fail("it was trained"))
+    before = {path: path.read_bytes() for path in tmp_path.glob("*.csv")}
+    whole = load_samples()
+    for seed in table["seed"].unique():
+        own = tuple(set(table[table["seed"] == seed]["model"]) - {study.REPLAY})
+        study.study(whole, tmp_path, tmp_path / "w", own, (seed,))
+    assert {path: path.read_bytes() for path in tmp_path.glob("*.csv")} == before
+
+
 def test_no_more_than_that_is_acted_out(simulator, quick, recorded, tmp_path, monkeypatch):
     acted = []
-    monkeypatch.setattr(study, "run_one", lambda *job: acted.append(job[2:]) or pd.DataFrame(
+    made = replace(study.EPISODES, score=lambda *job: acted.append(job[2:]) or pd.DataFrame(
         [dict(zip(study.KEY, job[2:], strict=True))]))  # fmt: skip
+    monkeypatch.setattr(study, "EPISODES", made)
     study.study(recorded, tmp_path, tmp_path / "w", ("first frame", "open eyes"), (0,))
     assert acted == [
         (study.REPLAY, 0, "replay"), ("first frame", 0, "test"),
@@ -96,9 +114,9 @@ def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_
 
 
 def test_what_a_model_saw_of_its_own_acts_is_a_film_of_99_frames(simulator, quick, recorded):
-    trained = study.make(recorded, "open eyes", 0)
+    trained = runner.fit(study.experiment_of(recorded, "open eyes", 0), recorded)
     own = recorded.split("train")[:2]
-    films = study.seen_in_own_episodes(trained, recorded, own)
+    films = videos.seen_in_own_episodes(trained, recorded, own)
     assert list(films) == own.tolist()
     for sample, film in films.items():
         assert film.shape == (99, 30) and np.isfinite(film).all()
@@ -187,7 +205,14 @@ def test_strips_show_three_successes_and_three_kinds_of_failure():
 
 def test_pages_get_what_the_table_can_show(kept, tmp_path, monkeypatch):
     trained = kept[0]
-    checkpoint.save(study.weights_of(tmp_path, "blind", 0), trained)
+    samples = load_samples()
+
+    def keep_weights(model):
+        asked = study.experiment_of(samples, model, 0)
+        trained.about["experiment"] = asked.hash
+        checkpoint.save(tmp_path / asked.file, trained)
+
+    keep_weights("blind")
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
     rows = [
         {"condition": "test", "model": model, "seed": 0, "action": action, "reason": reason,
@@ -199,13 +224,13 @@ def test_pages_get_what_the_table_can_show(kept, tmp_path, monkeypatch):
         ])
     ]  # fmt: skip
     table, strips = pd.DataFrame(rows), tmp_path / episodes.STRIPS
-    episodes.keep(tmp_path, table[table["condition"] == "synonyms"], tmp_path)
+    episodes.keep(tmp_path, table[table["condition"] == "synonyms"], samples, tmp_path)
     stored = (tmp_path / episodes.EPISODES).read_bytes()
     assert len(episodes.load(tmp_path / episodes.EPISODES)) == 36 and not strips.exists()
-    episodes.keep(tmp_path, table, tmp_path)  # the weights of one row are not there
+    episodes.keep(tmp_path, table, samples, tmp_path)  # the weights of one row are not there
     assert not strips.exists()
-    checkpoint.save(study.weights_of(tmp_path, "ptae", 0), trained)
-    episodes.keep(tmp_path, table, tmp_path)
+    keep_weights("ptae")
+    episodes.keep(tmp_path, table, samples, tmp_path)
     with np.load(strips, allow_pickle=False) as file:
         assert file["films"].shape == (6, 5, 120, 160, 3)
         assert file["texts"].tolist()[0] == "blind: push red fast (done)"
@@ -223,9 +248,10 @@ def test_corrections_come_from_scenes_of_the_training_samples(monkeypatch, recor
         given.update(films)
         return base
 
-    monkeypatch.setattr(study, "seen_in_own_episodes", act)
-    monkeypatch.setattr(study, "train", train)
-    study.make(recorded, "aggregated", 1, base=base)
+    monkeypatch.setattr(videos, "seen_in_own_episodes", act)
+    monkeypatch.setattr(runner, "train", train)
+    monkeypatch.setattr(runner, "obtain", lambda *_: base)
+    runner.fit(study.experiment_of(recorded, "aggregated", 1), recorded)
     own = recorded.split("train").tolist()
     assert asked == own[1::2] and set(given) == set(asked)
     assert not set(asked) & set(recorded.split("test").tolist())

@@ -13,7 +13,7 @@ from ptae_lite import artefacts, vision
 from ptae_lite.data import frames
 from ptae_lite.data.samples import with_features, write_features
 from ptae_lite.errors import ConfigError, RecordingError
-from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use
+from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use, runner
 from ptae_lite.language import COLOURS, pattern
 from ptae_lite.robot import recorder
 from ptae_lite.vision import probes
@@ -179,7 +179,9 @@ def study(seen, monkeypatch, tmp_path):
     monkeypatch.setattr(recorder, "load_sequence", lambda folder, *sample: clip)
     both = encoder_scores.READERS
     monkeypatch.setattr(
-        eye_scores, "scores", lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both}
+        encoder_scores,
+        "scores",
+        lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both},
     )
 
     def run(seeds=(0,), checkpoints=STEPS, work="work", **more):
@@ -325,50 +327,56 @@ def test_features_of_another_recording_are_refused(few, work, tmp_path):
 
 
 def test_every_eye_gets_a_ptae_of_each_seed_where_it_has_features(work):
-    jobs = [job[:3] for job in encoders_in_use.jobs_in(work, (0, 1, 2))]
+    jobs = encoders_in_use.jobs_in(work, (0, 1, 2))
     assert jobs == [("plain 10", 0, 40), ("PCA 30", 0, 8), ("plain 10", 1, 40),
                     ("plain 10", 1, 160), ("PCA 30", 1, 8), ("PCA 30", 2, 8)]  # fmt: skip
 
 
-def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, monkeypatch):
-    asked = []
+@pytest.fixture
+def asked(monkeypatch):
+    """Trainings and scores take no time; keeps what was trained, and on how many features."""
+    kept = []
 
-    def train(samples, recipe):
-        asked.append((samples.features.shape[2], recipe.seed))
-        return type("Trained", (), {"about": {"steps": 7}})
+    def fit(one, samples, *_):
+        kept.append((samples.features.shape[2], one.config.features, one.seed))
+        return type("Trained", (), {"about": {"steps": 7, "seconds": 3.4}})
 
     def evaluate(trained, samples):
         return {"describe_accuracy": 50.12345, "width": samples.features.shape[2]}
 
-    monkeypatch.setattr(encoders_in_use, "train", train)
+    monkeypatch.setattr(runner, "fit", fit)
     monkeypatch.setattr(encoders_in_use, "evaluate", evaluate)
-    path = work / "plain_10_seed1" / "features_160.npz"
-    row = encoders_in_use.run_one(seen, "plain 10", 1, 160, path)
-    assert asked == [(4, 1)]
+    return kept
+
+
+def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, asked, tmp_path):
+    table = encoders_in_use.study(seen, tmp_path, work, (1,))
+    assert asked == [(4, 4, 1), (4, 4, 1), (3, 3, 1)]
+    row = table.set_index(encoders_in_use.KEY).loc["plain 10", 1, 160]
     assert (row["steps"], row["describe_accuracy"], row["width"]) == (7, 50.123, 4)
-    assert [row[name] for name in encoders_in_use.KEY] == ["plain 10", 1, 160]
-    assert row["device"] == "cuda"
+    assert row["device"] == "cuda" and row["seconds"] == 3
 
 
-def test_the_ptae_study_does_what_is_missing(seen, work, monkeypatch, tmp_path):
-    asked = []
-
-    def run_one(samples, eye, seed, presentations, features):
-        asked.append((features.parent.name, features.name, seed))
-        return {"eye": eye, "seed": seed, "presentations": presentations, "right": 10.0 * seed}
-
-    monkeypatch.setattr(encoders_in_use, "run_one", run_one)
+def test_the_ptae_study_does_what_is_missing(seen, work, asked, tmp_path):
     encoders_in_use.study(seen, tmp_path, work, (0,))
+    assert [seed for *_, seed in asked] == [0, 0]
     table = encoders_in_use.study(seen, tmp_path, work, (0, 1))
-    assert asked == [
-        ("plain_10_seed0", "features_40.npz", 0), ("PCA_30_seed0", "features_8.npz", 0),
-        ("plain_10_seed1", "features_40.npz", 1), ("plain_10_seed1", "features_160.npz", 1),
-        ("PCA_30_seed0", "features_8.npz", 1),
+    assert [seed for *_, seed in asked] == [0, 0, 1, 1, 1]
+    assert table[encoders_in_use.KEY].values.tolist() == [
+        ["PCA 30", 0, 8], ["PCA 30", 1, 8], ["plain 10", 0, 40], ["plain 10", 1, 40],
+        ["plain 10", 1, 160],
     ]  # fmt: skip
-    assert table.values.tolist() == [
-        ["PCA 30", 0, 8, 0], ["PCA 30", 1, 8, 10], ["plain 10", 0, 40, 0], ["plain 10", 1, 40, 10],
-        ["plain 10", 1, 160, 10],
-    ]  # fmt: skip
+
+
+def test_rows_that_are_stored_are_not_made_again(seen, asked, tmp_path):
+    stored = pd.read_csv(shutil.copy(artefacts.stored("results/eyes_ptae.csv"), tmp_path))
+    for eye, seed, length in stored[encoders_in_use.KEY].itertuples(index=False):
+        path = encoders_in_use.features_of(tmp_path / "work", eye, seed, length)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    table = encoders_in_use.study(seen, tmp_path, tmp_path / "work")
+    assert not asked
+    pd.testing.assert_frame_equal(table, stored)
 
 
 def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path):
@@ -377,11 +385,14 @@ def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("name", "module", "given", "more"),
-    [("eyes", eyes, ["of R", "R", "T", "W", [0, 2]], {"device": "cpu", "long": False}),
-     ("eyes-ptae", eyes_ptae, ["stored", "T", "W", [0, 2]], {})],
+    ("name", "module", "given", "own", "more"),
+    [("eyes", encoders, ["of R", "R", "T", "W", [0, 2]], ["--recording", "R"],
+      {"device": "cpu", "long": False}),
+     ("eyes-ptae", encoders_in_use, ["stored", "T", "W", [0, 2]], [], {"cluster": None})],
 )  # fmt: skip
-def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, module, given, more):
+def test_the_commands_run_the_studies(
+    monkeypatch, capsys, tmp_path, name, module, given, own, more
+):
     monkeypatch.chdir(tmp_path)
 
     def study(*asked, progress, **named):
@@ -391,7 +402,7 @@ def test_the_commands_run_the_studies(monkeypatch, capsys, tmp_path, name, modul
     monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda: "stored")
     monkeypatch.setattr("ptae_lite.data.samples.load_unseen", lambda folder: f"of {folder}")
     monkeypatch.setattr(module, "study", study)
-    options = ["--recording", "R", "--out", "T", "--eyes", "W", "--seeds", "0", "2"]
+    options = [*own, "--out", "T", "--eyes", "W", "--seeds", "0", "2"]
     assert cli.main(["study", name, *options, "--workers", "2", "--json"]) == 0
     made = json.loads(capsys.readouterr().out)
-    assert made["rows"] == 3 and made["table"] == f"T/{module.__name__.rsplit('.', 1)[1]}.csv"
+    assert made["rows"] == 3 and made["table"] == f"T/{module.FILE}"

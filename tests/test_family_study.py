@@ -1,6 +1,7 @@
 """The study of the family: rows, curves, each training once, and what is read from the tables."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +9,9 @@ import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
+from ptae_lite import artefacts
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import family, tables
+from ptae_lite.experiments import family, runner, tables
 from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
@@ -17,29 +19,17 @@ TWO = ("PTAE", "PGAE, no repeat both")
 
 
 @pytest.fixture
-def quick(monkeypatch, small_configs):
-    """Trainings are of tiny models; keeps which were run."""
-    ran, real = [], family.run_one
+def quick(small_experiments):
+    return small_experiments
 
-    def run_one(samples, variant, seed, recipe, weights):
-        ran.append((variant, seed))
-        return real(samples, variant, seed, Recipe(epochs=6, batch=8), weights)
 
-    def config_of(kind):
-        def make(features, **choices):
-            return replace(small_configs[kind], **choices)
-
-        return make
-
-    small = {kind: made._replace(config=config_of(kind)) for kind, made in MODELS.items()}
-    monkeypatch.setattr(family, "MODELS", small)
-    monkeypatch.setattr(family, "run_one", run_one)
-    return ran
+def trained_of(asked):
+    return [(one.name, one.seed) for one in asked]
 
 
 def test_a_row_and_a_curve_for_each_training(few, quick, tmp_path):
     table = family.study(few, tmp_path, TWO, (0, 1), weights=tmp_path / "weights")
-    assert quick == [(name, seed) for seed in (0, 1) for name in TWO]
+    assert trained_of(quick) == [(name, seed) for seed in (0, 1) for name in TWO]
     assert table["variant"].tolist() == ["PGAE, no repeat both"] * 2 + ["PTAE"] * 2
     assert set(table["data"]) == {"recording"} and table["steps"].tolist() == [18] * 4
     assert table.filter(like="execute_").shape[1] == 6 and table.notna().all(axis=None)
@@ -62,16 +52,32 @@ def test_what_is_there_is_not_trained_again(few, quick, tmp_path):
 
 
 def test_the_long_trainings_are_made_only_when_they_are_named(few, tmp_path, monkeypatch):
-    def made(samples, variant, seed, recipe, weights):
-        row = {"data": samples.name, "variant": variant, "seed": seed}
-        return row, pd.DataFrame([row | {"epoch": 5}])
+    def made(trained, samples, data, variant, seed):
+        return pd.DataFrame([{"data": data, "variant": variant, "seed": seed}])
 
-    monkeypatch.setattr(family, "run_one", made)
+    monkeypatch.setattr(runner, "fit", lambda *_: None)
+    monkeypatch.setattr(family, "STUDY", replace(family.STUDY, score=made))
     regular = set(family.study(few, tmp_path, seeds=(0,))["variant"])
     long = ("PTAE, long", "PGAE, long")
     assert set(family.VARIANTS) - regular == set(long)
     named = family.study(few, tmp_path, long, (0,))
     assert set(named["variant"]) == set(family.VARIANTS)
+
+
+def test_a_curve_that_weights_tell_of_is_not_trained_for(few, quick, tmp_path):
+    before = family.study(few, tmp_path / "a", TWO, (0,), tmp_path / "w")
+    again = family.study(few, tmp_path / "b", TWO, (0,), tmp_path / "w")
+    assert len(quick) == 2
+    pd.testing.assert_frame_equal(again, before)
+    curves = [(tmp_path / name / "family_curves.csv").read_text() for name in "ab"]
+    assert curves[0] == curves[1]
+
+
+def test_rows_that_are_stored_are_not_made_again(samples, quick, tmp_path):
+    shutil.copy(artefacts.stored("results/family.csv"), tmp_path)
+    before = (tmp_path / "family.csv").read_bytes()
+    family.study(samples, tmp_path, seeds=(0, 1, 2))
+    assert not quick and (tmp_path / "family.csv").read_bytes() == before
 
 
 def test_a_study_stopped_between_its_tables_goes_on(few, quick, tmp_path, monkeypatch):
@@ -124,7 +130,7 @@ def test_the_command_runs_the_study(few, quick, tmp_path, monkeypatch, capsys):
     options = ["--variants", "PTAE", "--seeds", "3", "--out", str(tmp_path), "--json"]
     assert cli.main(["study", "family", *options]) == 0
     made = json.loads(capsys.readouterr().out)
-    assert quick == [("PTAE", 3)] and made["rows"] == 1
+    assert trained_of(quick) == [("PTAE", 3)] and made["rows"] == 1
 
 
 def test_updates_to_a_level_count_from_where_a_curve_stays_there():

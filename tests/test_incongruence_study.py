@@ -1,13 +1,14 @@
 """The study of incongruence: a row for every condition, each model trained once, or loaded."""
 
 import json
-from dataclasses import replace
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
+from ptae_lite import artefacts
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.experiments import incongruence_table, tables
 from ptae_lite.experiments.answer_source import FOLLOWED
@@ -20,28 +21,23 @@ FEW = [Condition("describe"), Condition("describe", "language", ("colour",)),
 
 
 @pytest.fixture
-def quick(monkeypatch, tiny):
-    """Trainings are of tiny models, and few conditions are tried; keeps which were trained."""
-    trained, real, run = [], incongruence_table.train, incongruence_table.run
+def quick(monkeypatch, small_experiments):
+    """Few conditions are tried."""
+    real = incongruence_table.rows_of
+    monkeypatch.setattr(
+        incongruence_table, "rows_of",
+        lambda trained, samples, seed: real(trained, samples, seed, wanted=FEW),
+    )  # fmt: skip
+    return small_experiments
 
-    def train(samples, recipe, config):
-        trained.append((config.queries, recipe.extra, recipe.seed))
-        small = replace(tiny, queries=config.queries)
-        made = real(samples, replace(recipe, epochs=1, batch=8), config=small)
-        made.about["recipe"]["epochs"] = recipe.epochs  # as the file of the full training says
-        return made
 
-    def few_conditions(trained, samples, seed):
-        return run(trained, samples, seed, wanted=FEW)
-
-    monkeypatch.setattr(incongruence_table, "train", train)
-    monkeypatch.setattr(incongruence_table, "run", few_conditions)
-    return trained
+def kinds(asked):
+    return [(one.config.queries, one.recipe.extra, one.seed) for one in asked]
 
 
 @pytest.fixture(scope="module")
 def table(samples, trained):
-    return incongruence_table.run(trained, samples, 0, "held_out")
+    return incongruence_table.rows_of(trained, samples, 0, "held_out")
 
 
 def test_the_table_has_a_row_for_every_condition(table):
@@ -84,8 +80,8 @@ def test_every_answer_follows_someone(table):
 def test_each_model_is_trained_once_and_its_rows_kept(few, quick, tmp_path):
     weights = tmp_path / "weights"
     found = incongruence_table.study(few, tmp_path, seeds=(0, 1), weights=weights)
-    kinds = [("language", 0.0), ("both", 0.0), ("language", 0.5)]
-    assert quick == [(*kind, seed) for seed in (0, 1) for kind in kinds]
+    each = [("language", 0.0), ("both", 0.0), ("language", 0.5)]
+    assert kinds(quick) == [(*kind, seed) for seed in (0, 1) for kind in each]
     assert len(found) == 3 * 2 * len(FEW) and set(found["model"]) == set(incongruence_table.MODELS)
     assert set(found["aspects"]) == {"", "colour"}
     assert len(list(weights.iterdir())) == 6
@@ -99,7 +95,7 @@ def test_each_model_is_trained_once_and_its_rows_kept(few, quick, tmp_path):
 
 def test_a_study_that_was_stopped_goes_on(few, quick, tmp_path, monkeypatch):
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(incongruence_table, "run", lambda *given: (_ for _ in ()).throw(
+        patch.setattr(incongruence_table, "rows_of", lambda *given: (_ for _ in ()).throw(
             KeyboardInterrupt))  # fmt: skip
         incongruence_table.study(few, tmp_path, ("ptae",), (0,), tmp_path / "w")
     assert not (tmp_path / "incongruence.csv").exists()
@@ -108,18 +104,26 @@ def test_a_study_that_was_stopped_goes_on(few, quick, tmp_path, monkeypatch):
     assert len(tables.there(tmp_path / "incongruence.csv", incongruence_table.KEY)) == len(FEW)
 
 
-def test_weights_of_another_training_are_refused(few, trained, tmp_path):
-    checkpoint.save(tmp_path / "ptae_two_way_seed0.safetensors", trained)
-    with pytest.raises(ArtefactError, match="was trained with .*'language'.*, not with .*'both'"):
-        incongruence_table.study(few, tmp_path, ("ptae_two_way",), (0,), tmp_path)
-    checkpoint.save(tmp_path / "ptae_seed0.safetensors", trained)  # a shorter training
-    with pytest.raises(ArtefactError, match="was trained with .*'epochs': 1, .*'epochs': 80, "):
-        incongruence_table.study(few, tmp_path, ("ptae",), (0,), tmp_path)
-    assert not (tmp_path / "incongruence.csv").exists()
+def test_weights_of_another_training_are_refused(few, quick, trained, tmp_path):
+    incongruence_table.study(few, tmp_path / "a", ("ptae",), (0,), tmp_path)
+    (tmp_path / "ptae_seed0.safetensors").rename(tmp_path / "ptae_two_way_seed0.safetensors")
+    with pytest.raises(ArtefactError, match="ptae_two.* another training .*'language' for 'both'"):
+        incongruence_table.study(few, tmp_path / "b", ("ptae_two_way",), (0,), tmp_path)
+    checkpoint.save(tmp_path / "ptae_seed0.safetensors", trained)  # shorter, and of before
+    with pytest.raises(ArtefactError, match="epochs 1 for 6; it does not say of which experiment"):
+        incongruence_table.study(few, tmp_path / "b", ("ptae",), (0,), tmp_path)
+    assert not (tmp_path / "b").exists()
+
+
+def test_rows_that_are_stored_are_not_made_again(samples, quick, tmp_path):
+    shutil.copy(artefacts.stored("results/incongruence.csv"), tmp_path)
+    before = (tmp_path / "incongruence.csv").read_bytes()
+    incongruence_table.study(samples, tmp_path)
+    assert not quick and (tmp_path / "incongruence.csv").read_bytes() == before
 
 
 def test_a_model_that_is_not_in_the_study_is_refused(few, tmp_path):
-    with pytest.raises(ConfigError, match="no model 'pgae' in this study; there are ptae, ptae_tw"):
+    with pytest.raises(ConfigError, match="no model 'pgae' ; there are ptae; ptae_two"):
         incongruence_table.study(few, tmp_path, ("pgae",))
 
 
@@ -135,7 +139,7 @@ def test_the_command_runs_the_study(few, quick, tmp_path, monkeypatch, capsys):
                "--weights", str(tmp_path / "weights")]  # fmt: skip
     assert cli.main(["study", "incongruence", *options]) == 0
     made = json.loads(capsys.readouterr().out)
-    assert quick == [("language", 0.0, 3)] and made["rows"] == len(FEW)
+    assert kinds(quick) == [("language", 0.0, 3)] and made["rows"] == len(FEW)
     assert (tmp_path / "weights" / "ptae_seed3.safetensors").exists()
 
 

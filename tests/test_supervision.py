@@ -1,6 +1,7 @@
 """The study of limited supervision: no label leaks, and a stopped study goes on."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -10,13 +11,12 @@ import torch
 from torch import nn
 
 import ptae_lite.__main__ as cli
-from ptae_lite import training
+from ptae_lite import artefacts, training
 from ptae_lite.baselines import linear_describe_accuracy
-from ptae_lite.data import batches
 from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate
-from ptae_lite.experiments import labels, supervision, tables
+from ptae_lite.experiments import labels, runner, supervision, tables
 from ptae_lite.experiments.supervision import Job
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import MODELS, PVAE
@@ -33,20 +33,15 @@ def job(share=50, seed=0, model="ptae", mode="samples", variant="balanced"):
 
 
 @pytest.fixture
-def small(monkeypatch, small_configs):
+def small(monkeypatch, small_experiments):
     """Trainings are of tiny models; keeps what each of their steps was built from."""
-    built, real = [], batches.build
+    built, real = [], training.build
 
     def build(source, samples, signals, alternative, hold, extra, told):
         built.append((samples.numpy(), signals.numpy(), told.numpy()))
         return real(source, samples, signals, alternative, hold, extra, told)
 
-    small = {
-        k: kind._replace(config=lambda features, k=k: small_configs[k])
-        for k, kind in MODELS.items()
-    }
-    monkeypatch.setattr(training, "MODELS", small)
-    monkeypatch.setattr(batches, "build", build)
+    monkeypatch.setattr(training, "build", build)
     return built
 
 
@@ -62,24 +57,32 @@ class Idle(nn.Module):
 
 
 @pytest.fixture
-def idle(small, monkeypatch):
+def idle(small, small_configs, monkeypatch):
     """As `small`, at no cost: what a training draws does not depend on its model."""
-    idle = {k: kind._replace(network=Idle) for k, kind in training.MODELS.items()}
+    idle = {k: v._replace(network=Idle) for k, v in MODELS.items()}
     monkeypatch.setattr(training, "MODELS", idle)
     return small
 
 
 @pytest.fixture
 def trainings(monkeypatch, small):
-    """Which jobs were run."""
-    asked, real = [], supervision.run_one
+    """Which jobs were done."""
+    asked, real = [], supervision.score
 
-    def run_one(samples, job, recipe):
+    def score(trained, samples, job):
         asked.append(job)
-        return real(samples, job, recipe)
+        return real(trained, samples, job)
 
-    monkeypatch.setattr(supervision, "run_one", run_one)
+    monkeypatch.setattr(supervision, "score", score)
     return asked
+
+
+def made(samples, job, recipe=None, split="train"):
+    """The rows and the sentences of a job."""
+    asked = supervision.experiment_of(samples, job, recipe, split)
+    trained = None if asked is None else runner.fit(asked, samples)
+    found = supervision.score(trained, samples, job, split)
+    return found[supervision.FILE], found.get(supervision.SENTENCES, pd.DataFrame())
 
 
 def supervised(built, model="ptae"):
@@ -146,7 +149,7 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
 
 def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
     """Whatever partners are drawn: what was blended is to be described, and so is its partner."""
-    seen, real = [], batches.blend
+    seen, real = [], training.blend
 
     def blend(batch, share, partner):
         made = real(batch, share, partner)
@@ -157,7 +160,7 @@ def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
         seen.extend([*own[changed], *other[changed]])
         return made
 
-    monkeypatch.setattr(batches, "blend", blend)
+    monkeypatch.setattr(training, "blend", blend)
     this = job(50)
     supervision.fit(few, this, Recipe(epochs=4, batch=8))
     assert seen and set(seen) <= set(supervision.labelled(few, this).tolist())
@@ -193,23 +196,23 @@ def test_few_supervised_updates_use_any_sample(few, idle, model, share):
 
 
 @pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
-def test_with_all_labels_it_is_the_regular_training(few, small, model):
+def test_with_all_labels_it_is_the_regular_training(few, small, small_configs, model):
     recipe = Recipe(epochs=1, batch=8)
-    made = [
+    both = [
         supervision.fit(few, job(100, 1, model, variant="paper"), recipe),
-        training.train(few, replace(recipe, seed=1), model=model),
+        training.train(few, replace(recipe, seed=1), model=model, config=small_configs[model]),
     ]
-    first, second = (torch.cat([p.flatten() for p in t.model.parameters()]) for t in made)
+    first, second = (torch.cat([p.flatten() for p in t.model.parameters()]) for t in both)
     assert torch.equal(first, second)
-    assert made[0].about["labelled"] == 24
+    assert both[0].about["labelled"] == 24
 
 
 def test_the_regular_training_gives_a_row_of_either_experiment(few, small):
-    rows, said = supervision.run_one(few, job(100, variant="paper"), QUICK)
+    rows, said = made(few, job(100, variant="paper"), QUICK)
     assert rows["mode"].tolist() == ["samples", "iterations"]
     assert rows["share"].tolist() == [100, 66.6] and len(said) == 12
     assert rows.drop(columns=["mode", "share"]).nunique().max() == 1
-    rows, said = supervision.run_one(few, job(100, model="pvae", variant="paper"), QUICK)
+    rows, said = made(few, job(100, model="pvae", variant="paper"), QUICK)
     assert rows["mode"].tolist() == ["samples"] and len(said) == 6
 
 
@@ -223,7 +226,7 @@ def test_the_labelled_list_follows_its_seed_alone(few, idle):
 
 
 def test_held_out_patterns_take_no_part_while_settings_are_chosen(samples, small):
-    rows, _ = supervision.run_one(samples, job(1), Recipe(epochs=1, batch=54), "fit")
+    rows, _ = made(samples, job(1), Recipe(epochs=1, batch=54), "fit")
     seen = {int(i) for part, *_ in small for i in part}
     assert rows["labelled"].item() == 6 and seen <= set(samples.split("fit").tolist())
 
@@ -245,7 +248,7 @@ def test_covering_labels_name_every_word_evenly(samples, share):
 
 def test_the_linear_baseline_is_scored_as_ever(few):
     chosen = training.label(few.split("train"), 50, 2)
-    rows, said = supervision.run_one(few, job(50, 2, "linear", variant="random"))
+    rows, said = made(few, job(50, 2, "linear", variant="random"))
     wanted = linear_describe_accuracy(few, chosen)
     assert rows["describe_accuracy"].item() == pytest.approx(wanted, abs=0.001)
     assert rows["labelled"].item() == 12 and not len(said)
@@ -357,6 +360,13 @@ def test_what_is_there_is_not_trained_again(few, trainings, tmp_path):
     assert len(trainings) == 3
 
 
+def test_rows_that_are_stored_are_not_made_again(samples, trainings, tmp_path):
+    shutil.copy(artefacts.stored("results/supervision.csv"), tmp_path)
+    before = (tmp_path / "supervision.csv").read_bytes()
+    supervision.study(samples, tmp_path)
+    assert not trainings and (tmp_path / "supervision.csv").read_bytes() == before
+
+
 def test_two_data_sets_may_share_a_table(few, trainings, tmp_path):
     theirs = replace(few, eye="authors")
     for samples in (few, theirs):
@@ -370,10 +380,10 @@ def test_a_stopped_study_keeps_what_was_finished_and_says_nothing_twice(
     """Stopped between the two tables of its second training."""
     real = tables.add
 
-    def stop(path, rows, key):
+    def stop(path, rows, *rest):
         if path.name == "supervision.csv" and rows["share"].tolist() == [50]:
             raise KeyboardInterrupt
-        real(path, rows, key)
+        real(path, rows, *rest)
 
     jobs = [job(10), job(50)]
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
@@ -429,8 +439,8 @@ def test_the_command_runs_the_study(few, trainings, monkeypatch, capsys, tmp_pat
     assert cli.main(["study", "supervision", *options]) == 0
     regular = job(100, 3, variant="paper")  # is 66.6 % of the iterations, too
     assert set(trainings) == {job(2, 3, mode="iterations", variant="paper"), regular}
-    made = json.loads(capsys.readouterr().out)
-    assert made["rows"] == 3 and made["table"].endswith("supervision.csv")
+    told = json.loads(capsys.readouterr().out)
+    assert told["rows"] == 3 and told["table"].endswith("supervision.csv")
     assert cli.main(["study", "supervision", "--shares", "3", "--out", str(tmp_path)]) == 1
     assert "no share 3.0; there are 1, 2, 5" in capsys.readouterr().err
 

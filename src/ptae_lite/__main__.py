@@ -158,7 +158,7 @@ def parser() -> argparse.ArgumentParser:
     )
     commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
-    def command(name, run, text):
+    def command(name, run, text, json=True):
         made = commands.add_parser(
             name,
             help=text,
@@ -166,7 +166,8 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.ArgumentDefaultsHelpFormatter,
         )
         made.set_defaults(run=run)
-        made.add_argument("--json", action="store_true", help="print one line of JSON")
+        if json:
+            made.add_argument("--json", action="store_true", help="print one line of JSON")
         return made
 
     record = command("record", do_record, "Record all 864 samples with the simulated robot.")
@@ -208,12 +209,19 @@ def parser() -> argparse.ArgumentParser:
     test.add_argument("--threads", type=whole_number(1), default=1, help="threads")
 
     text = "Run an experiment; rows that are there are not run again."
-    study_command.add_options(command("study", study_command.run, text))
+    study_command.add_studies(command("study", study_command.run, text, json=False))
     return main
 
 
 def main(arguments=None) -> int:
-    options = parser().parse_args(arguments)
+    known = parser()
+    options, others = known.parse_known_args(arguments)
+    if others:
+        command = " ".join(filter(None, (options.command, getattr(options, "name", None))))
+        known.error(
+            f"{command} does not understand {' '.join(others)}; "
+            f"what it does: python -m ptae_lite {command} --help"
+        )
     return guarded(options.command, lambda: show(options))
 
 

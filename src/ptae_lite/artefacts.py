@@ -28,6 +28,7 @@ from ptae_lite.files import cannot_write, whole
 
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = "MANIFEST.json"
+EARLIER = "an earlier recipe"  # what weights are of that do not say of which experiment
 RECORDED_WITH = ("torch", "numpy", "pybullet", "pybullet-arm64")
 
 
@@ -125,6 +126,8 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "minutes": round(minutes, 1),
         "versions": {"python": platform.python_version()} | _versions(),
     }
+    if path.suffix == ".safetensors":  # of which experiment; those of before it had a hash say so
+        entries[name]["experiment"] = load_weights(path)[1].get("experiment", EARLIER)
     _write_manifest(entries, data)
     return entries[name]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -55,6 +56,15 @@ class Samples:
         if self.eye != AUTHORS:
             return "recording"
         return AUTHORS if self.holdout is None else f"{AUTHORS}, {self.holdout} held out"
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """The name, and a hash of all that a training sees; of the numbers, not of a file."""
+        digest = hashlib.sha256()
+        for array in (self.joints, self.features, self.frames, self.pattern, self.variation):
+            little = array.astype("<f4")  # exact for the whole numbers, which are small
+            digest.update(str(little.shape).encode() + little.tobytes())
+        return f"{self.name} {digest.hexdigest()}"
 
 
 def load_samples(data="recording", holdout: int | None = None) -> Samples:

@@ -43,6 +43,7 @@ from ptae_lite.pipes import piped
 
 MODEL = "weights/ptae.safetensors"
 TOLD, KEPT = "incongruence_stories.csv", "incongruence_stories.npz"
+KEY = ["sample", "signal", "conflict_in", "conflicts", "aspects"]
 SHOTS, SHOT_PX = 6, (80, 60)  # pictures of a film strip, and their width and height
 TEXTS = {"aspects": "", "sentence": "", "answer": ""}  # an empty text in a CSV file reads as a gap
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import time
+from argparse import ArgumentParser
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,10 +20,13 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from ptae_lite import artefacts, devices, vision
+from ptae_lite.console import RECORDING, bar
 from ptae_lite.data import frames
-from ptae_lite.data.samples import Samples, write_features
-from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import encoder_scores, tables
+from ptae_lite.data import samples as data
+from ptae_lite.data.samples import Samples
+from ptae_lite.errors import ArtefactError, ConfigError
+from ptae_lite.experiments import encoder_scores, options, tables
+from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.files import write_arrays
 from ptae_lite.vision import pca
 
@@ -48,6 +52,7 @@ IN_USE = {  # the lengths of the eyes that a PTAE is trained with
     "four times as long": {name: 4 * length for name, length in EQUAL_COMPUTE.items()},
     "eight times as long": {name: 8 * length for name, length in EQUAL_COMPUTE.items()},
 }
+FILE = "eyes.csv"
 KEY = ["eye", "seed", "presentations", "split", "device"]
 PCA_EVERY = 8  # of the training images: 2,066 of them
 
@@ -68,9 +73,16 @@ class Bench:
 
     def __init__(self, samples: Samples, recording, folder, work):
         self.samples, self.recording = samples, recording
-        self.table, self.work = Path(folder) / "eyes.csv", Path(work)
+        self.table, self.work = Path(folder) / FILE, Path(work)
         self.images = frames.training_images(recording)
         self.looks = encoder_scores.look(recording, samples)
+
+    def experiment_of(self, name: str, seed: int, steps: int | None = None) -> Experiment:
+        """A training of so many steps; of none in particular, as it is before its end, if None."""
+        (kind, code), recipe = CAES[name], vision.EyeRecipe(seed=seed)
+        recipe = replace(recipe, steps=steps or recipe.steps)
+        split = "train" if steps else "train, unfinished"
+        return Experiment(kind, {"code": code}, recipe, self.samples.fingerprint, split)
 
     def rows(self) -> pd.DataFrame:
         return tables.read(self.table, KEY)
@@ -96,7 +108,7 @@ class Bench:
         path = weights.with_name(f"features_{presentations}.npz")
         if not features_are_of(path, weights):
             codes = vision.encode_recording(vision.load_eye(weights), self.recording)
-            write_features(path, codes, weights)
+            data.write_features(path, codes, weights)
 
 
 def folder_of(name: str, seed: int) -> str:
@@ -124,8 +136,8 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
     kind, code = CAES[name]
     eye, recipe = vision.make_eye(kind, code), vision.EyeRecipe(seed=seed)
     training = vision.EyeTraining(eye, recipe, device)
-    trunk = bench.place(name, seed) / "trunk.safetensors"
-    spent = restore(training, trunk) if trunk.exists() else 0.0
+    trunk, asked = bench.place(name, seed) / "trunk.safetensors", bench.experiment_of(name, seed)
+    spent = restore(training, trunk, asked.hash) if trunk.exists() else 0.0
     rows = bench.rows()
     done = rows[(rows["eye"] == name) & (rows["seed"] == seed)]["presentations"].tolist()
     gflop = mflop_an_image(vision.make_eye(kind, code)) / 1e3
@@ -140,14 +152,17 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
         begun = devices.clock(device)
         training.go(bench.images, turn, value=False)
         spent += devices.clock(device) - begun
-        keep(training, trunk, spent)
+        keep(training, trunk, spent, asked.hash)
         branch, begun = copy.deepcopy(training), devices.clock(device)
         branch.go(bench.images, steps, steps, value=False)
         seconds = spent + devices.clock(device) - begun
         branch.eye.to("cpu").eval()
         if steps:
-            whole = replace(recipe, steps=steps)
-            vision.save_eye(bench.weights(name, seed, presentations), branch.eye, whole, device)
+            own, path = (
+                bench.experiment_of(name, seed, steps),
+                bench.weights(name, seed, presentations),
+            )
+            vision.save_eye(path, branch.eye, own.recipe, device, experiment=own.hash)
         bench.write(branch.eye, {
             "eye": name, "code": code, "seed": seed, "presentations": presentations,
             "gflop": round(presentations * gflop, 1), "seconds": round(seconds, 1),
@@ -155,18 +170,28 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
         })  # fmt: skip
 
 
-def keep(training: vision.EyeTraining, path: Path, spent: float) -> None:
+def keep(training: vision.EyeTraining, path: Path, spent: float, experiment: str = "") -> None:
     """Store a training where it stands: weights, the optimiser's memory, steps and seconds."""
     tensors = {f"eye.{name}": value for name, value in training.eye.state_dict().items()}
     for i, memory in training.optimiser.state_dict()["state"].items():
         tensors |= {f"memory.{i}.{name}": value for name, value in memory.items()}
     about = {"kind": "training of an eye", "step": training.step, "seconds": spent}
+    about |= {"experiment": experiment}
     artefacts.save_weights(path, tensors, about)
 
 
-def restore(training: vision.EyeTraining, path: Path) -> float:
-    """Set a fresh training to what `keep` stored; the seconds spent until there."""
+def restore(training: vision.EyeTraining, path: Path, experiment: str = "") -> float:
+    """Set a fresh training to what `keep` stored; the seconds spent until there.
+
+    Raises:
+        ArtefactError: it is another experiment's.
+    """
     tensors, about = artefacts.load_weights(path)
+    if about.get("experiment") != experiment:
+        raise ArtefactError(
+            f"{path} is of another training than the one asked for; move it away, or name another "
+            "folder of eyes"
+        )
     weights, memory = {}, {}
     for name, value in tensors.items():
         part, rest = name.split(".", 1)
@@ -236,3 +261,23 @@ def features_are_of(path: Path, weights: Path) -> bool:
         return False
     with np.load(path, allow_pickle=False) as file:
         return str(file["eye"]) == artefacts.sha256(weights)
+
+
+def add_options(parser: ArgumentParser) -> None:
+    options.trainings(parser, cluster=False)
+    parser.add_argument("--recording", default=RECORDING, help="a recording's folder")
+    parser.add_argument("--eyes", default="build/eyes",
+                        help="folder of the CAEs and their features")  # fmt: skip
+    parser.add_argument("--device", default="cpu",
+                        help="where CAEs are trained, cpu or a GPU such as cuda")  # fmt: skip
+    parser.add_argument("--long", action="store_true",
+                        help="train the CAEs much further, for hours on a CPU")  # fmt: skip
+
+
+def command(given) -> dict:
+    table = study(
+        data.load_unseen(given.recording), given.recording, given.out, given.eyes, given.seeds,
+        workers=given.workers, device=given.device, long=given.long,
+        progress=lambda results, total: bar(results, total=total, desc="eyes"),
+    )  # fmt: skip
+    return options.result(given, FILE, table)

@@ -5,26 +5,30 @@ Every training is the regular one, on the CPU; only the features differ. `device
 
 from __future__ import annotations
 
-import time
-from dataclasses import replace
+from argparse import ArgumentParser
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
 from ptae_lite import artefacts
-from ptae_lite.data.samples import Samples, with_features
+from ptae_lite.data import samples as data
+from ptae_lite.data.samples import Samples
 from ptae_lite.errors import RecordingError
 from ptae_lite.evaluation import evaluate
-from ptae_lite.experiments import tables
+from ptae_lite.experiments import options
 from ptae_lite.experiments.encoders import CAES, PCAS, folder_of
-from ptae_lite.training import RECIPES, train
+from ptae_lite.experiments.experiment import Experiment, experiment
+from ptae_lite.experiments.runner import Study, run
+from ptae_lite.models.checkpoint import Trained
 
 KEY = ["eye", "seed", "presentations"]
-NAME = "results/eyes_ptae.csv"
+FILE = "eyes_ptae.csv"
+NAME = f"results/{FILE}"
 
 
-def jobs_in(work, seeds) -> list[tuple[str, int, int, Path]]:
-    """Eye, seed, presentations and features of every training, a seed after the other.
+def jobs_in(work, seeds) -> list[tuple[str, int, int]]:
+    """Eye, seed and presentations of every training, a seed after the other.
 
     A CAE of a seed goes with a PTAE of that seed; a PCA, which knows no chance, with each.
     """
@@ -32,8 +36,8 @@ def jobs_in(work, seeds) -> list[tuple[str, int, int, Path]]:
     for seed in seeds:
         for name in (*CAES, *PCAS):
             folder = Path(work) / folder_of(name, seed if name in CAES else 0)
-            paths = {int(p.stem.split("_")[1]): p for p in folder.glob("features_*.npz")}
-            found += [(name, seed, length, paths[length]) for length in sorted(paths)]
+            lengths = sorted(int(p.stem.split("_")[1]) for p in folder.glob("features_*.npz"))
+            found += [(name, seed, length) for length in lengths]
     if not found:
         raise RecordingError(
             f"{work} holds no features of an eye; make them: python -m ptae_lite study eyes"
@@ -41,16 +45,30 @@ def jobs_in(work, seeds) -> list[tuple[str, int, int, Path]]:
     return found
 
 
-def run_one(samples: Samples, eye: str, seed: int, presentations: int, features: Path) -> dict:
-    """Train PTAE on what an eye sees and score it on the test samples."""
-    weights = features.with_name(f"eye_{presentations}.safetensors")
+def features_of(work, eye: str, seed: int, presentations: int) -> Path:
+    """What an eye sees, in the folder `work` of `encoders`."""
+    folder = Path(work) / folder_of(eye, seed if eye in CAES else 0)
+    return folder / f"features_{presentations}.npz"
+
+
+def see(work, samples: Samples, *job) -> Samples:
+    """The samples as an eye sees them."""
+    return data.with_features(samples, features_of(work, *job))
+
+
+def experiment_of(samples: Samples, eye: str, seed: int, presentations: int) -> Experiment:
+    """The regular training."""
+    return experiment(samples, seed=seed)
+
+
+def score(work, trained: Trained, samples: Samples, *job) -> pd.DataFrame:
+    """A row: what PTAE says and does of the test samples, seen by that eye."""
+    weights = features_of(work, *job).with_name(f"eye_{job[2]}.safetensors")
     device = artefacts.load_weights(weights)[1].get("device", "cpu")
-    begun, seen = time.perf_counter(), with_features(samples, features)
-    trained = train(seen, replace(RECIPES["ptae"], seed=seed))
-    row = {"eye": eye, "seed": seed, "presentations": presentations, "device": device,
-           "steps": trained.about["steps"],
-           "seconds": round(time.perf_counter() - begun)}  # fmt: skip
-    return row | {name: round(v, 3) for name, v in evaluate(trained, seen).items()}
+    row = dict(zip(KEY, job, strict=True)) | {"device": device}
+    row |= {"steps": trained.about["steps"], "seconds": round(trained.about["seconds"])}
+    row |= {name: round(value, 3) for name, value in evaluate(trained, samples).items()}
+    return pd.DataFrame([row])
 
 
 def stored() -> pd.DataFrame:
@@ -60,21 +78,21 @@ def stored() -> pd.DataFrame:
     return pd.DataFrame(columns=[*KEY, "describe_accuracy", "execute_nrmse"])
 
 
-def study(samples: Samples, folder, work, seeds=(0, 1, 2), workers: int = 1,
-          progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `eyes_ptae.csv`, writing each row as its training ends.
+def study(samples: Samples, folder, work, seeds=(0, 1, 2), **where) -> pd.DataFrame:
+    """A PTAE for every eye, a seed after the other; see `runner.run`.
 
     Args:
-        folder: of the table.
-        work: the folder of the eyes' features, as `experiments.encoders` leaves it.
-        workers: trainings side by side.
+        work: the folder of the eyes' features, as `encoders` leaves it.
     """
-    jobs, table = jobs_in(work, seeds), Path(folder) / "eyes_ptae.csv"
-    done = tables.there(table, KEY)
-    todo = [(samples, *job) for job in jobs if job[:3] not in done]
+    made = Study(FILE, KEY, experiment_of, partial(score, work), see=partial(see, work))
+    return run(made, samples, jobs_in(work, seeds), folder, **where)
 
-    def keep(row: dict) -> None:
-        tables.add(table, pd.DataFrame([row]), KEY)
 
-    tables.run(run_one, todo, keep, workers, progress)
-    return pd.read_csv(table)
+def add_options(parser: ArgumentParser) -> None:
+    options.trainings(parser)
+    parser.add_argument("--eyes", default="build/eyes", help="folder of the CAEs' features")
+
+
+def command(given) -> dict:
+    table = study(data.load_samples(), given.out, given.eyes, given.seeds, **options.where(given))
+    return options.result(given, FILE, table)

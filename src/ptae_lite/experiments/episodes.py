@@ -16,10 +16,11 @@ from torch import nn
 
 from ptae_lite import artefacts, vision
 from ptae_lite.acting import Actor
+from ptae_lite.data.samples import Samples
 from ptae_lite.experiments import closed_loop as study
+from ptae_lite.experiments import runner
 from ptae_lite.files import write_arrays
 from ptae_lite.language import ACTIONS, SIDES, SPEEDS, Meaning, parse, pattern, sentence
-from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
@@ -132,28 +133,27 @@ def film(trained: Trained, eye: nn.Module, row) -> np.ndarray:
     return np.stack([images[i] for i in np.linspace(0, len(images) - 1, FRAMES_SHOWN).astype(int)])
 
 
-def write_strips(path, rows: pd.DataFrame, weights, eye: nn.Module) -> None:
-    """Keep the film strips of rows of the table, with a line of text for each."""
-    films = [
-        film(checkpoint.load(study.weights_of(weights, row.model, row.seed)), eye, row)
-        for row in rows.itertuples()
-    ]
+def write_strips(path, rows: pd.DataFrame, models: list[Trained], eye: nn.Module) -> None:
+    """Keep the film strips of rows of the table, acted by their models, with a line of text."""
+    films = [film(one, eye, row) for one, row in zip(models, rows.itertuples(), strict=True)]
     texts = [f"{row.model}: {row.sentence} ({row.reason})" for row in rows.itertuples()]
     write_arrays(path, films=np.stack(films), texts=np.array(texts))
 
 
-def keep(folder, table: pd.DataFrame, weights) -> None:
+def keep(folder, table: pd.DataFrame, samples: Samples, weights) -> None:
     """Write both files into a folder, each where it is not there and can be made: of the model
     `CHOSEN` of seed 0, and of six rows of the table whose models lie in `weights`.
     """
-    mine = study.weights_of(weights, CHOSEN, 0)
-    paths = [Path(folder) / name for name in (EPISODES, STRIPS)]
-    rows = strips_of(table, CHOSEN)
-    of_rows = {
-        study.weights_of(weights, *one) for one in zip(rows["model"], rows["seed"], strict=True)
-    }
+
+    def model(name: str, seed: int) -> Trained | None:
+        return runner.found(study.experiment_of(samples, name, int(seed)), weights)
+
+    told, strips = (Path(folder) / name for name in (EPISODES, STRIPS))
     eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
-    if mine.exists() and not paths[0].exists():
-        write(paths[0], all_of(checkpoint.load(mine), eye))
-    if len(rows) == 6 and all(path.exists() for path in of_rows) and not paths[1].exists():
-        write_strips(paths[1], rows, weights, eye)
+    if not told.exists() and (mine := model(CHOSEN, 0)) is not None:
+        write(told, all_of(mine, eye))
+    rows = strips_of(table, CHOSEN)
+    if len(rows) == 6 and not strips.exists():
+        models = [model(*one) for one in zip(rows["model"], rows["seed"], strict=True)]
+        if all(one is not None for one in models):
+            write_strips(strips, rows, models, eye)

@@ -7,24 +7,23 @@ and by seconds of computing go to `family_curves.csv`.
 
 from __future__ import annotations
 
-import time
-from dataclasses import replace
-from pathlib import Path
+from argparse import ArgumentParser
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ptae_lite.baselines import references
+from ptae_lite.console import data_options
 from ptae_lite.controls import execute_errors
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
-from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, evaluate, new_scenes, respond
-from ptae_lite.experiments import tables
-from ptae_lite.models import MODELS, checkpoint
+from ptae_lite.experiments import options
+from ptae_lite.experiments.experiment import Experiment, experiment
+from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.training import RECIPES, Recipe, train
+from ptae_lite.training import RECIPES
 
 
 class Variant(NamedTuple):
@@ -65,41 +64,37 @@ SEEDS = 3  # of each variant, before two are compared
 EVERY = 5  # epochs between two points of a curve
 
 
-def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = None, weights=None):
-    """Train one variant: its row and its curve. `weights` is a folder for the model, or None."""
-    model, choices, changes = VARIANTS[variant]
-    config = MODELS[model].config(features=samples.features.shape[2], **choices)
-    recipe = replace(recipe or RECIPES[model], seed=seed, **changes)
-    test, points, looking = samples.split("test"), [], 0.0
-    begun = time.process_time()
+def experiment_of(samples: Samples, data: str, variant: str, seed: int) -> Experiment:
+    """The training of a row."""
+    return experiment(samples, *VARIANTS[variant], seed, name=variant)
 
-    def look(epoch: int, trained: Trained) -> None:
-        nonlocal looking
-        if epoch % EVERY and epoch != recipe.epochs:
-            return
-        stopped = time.process_time()
-        right = correct(respond(trained, source_of(trained), test, "describe"), samples, test)
-        points.append({
-            "variant": variant, "seed": seed, "epoch": epoch,
-            "updates": epoch * trained.about["steps"] // recipe.epochs,
-            "seconds": round(stopped - begun - looking, 1),
-            "describe_accuracy": round(100 * float(right.mean()), 3),
-        })  # fmt: skip
-        looking += time.process_time() - stopped
 
-    sources: list[Source] = []
+def watch(trained: Trained, samples: Samples, epoch: int) -> dict | None:
+    """A point of a curve, after every `EVERY` epochs and the last."""
+    epochs = trained.about["recipe"]["epochs"]
+    if epoch % EVERY and epoch != epochs:
+        return None
+    return {
+        "epoch": epoch, "updates": epoch * trained.about["steps"] // epochs,
+        "describe_accuracy": round(100 * float(described(trained, samples).mean()), 3),
+    }  # fmt: skip
 
-    def source_of(trained: Trained) -> Source:
-        if not sources:
-            sources.append(Source(trained.dataset(samples)))
-        return sources[0]
 
-    trained = train(samples, recipe, model=model, config=config, on_epoch=look)
-    seconds = time.process_time() - begun - looking
+def described(trained: Trained, samples: Samples):
+    """Which test samples are described right."""
+    test = samples.split("test")
+    answer = respond(trained, Source(trained.dataset(samples)), test, "describe")
+    return correct(answer, samples, test)
+
+
+def score(trained: Trained, samples: Samples, data: str, variant: str, seed: int) -> dict:
+    """A row of `family.csv`, and the curve of the training."""
+    model, _, _ = VARIANTS[variant]
+    about = trained.about
     row = {
-        "data": samples.name, "variant": variant, "model": model, "seed": seed,
+        "data": data, "variant": variant, "model": model, "seed": seed,
         "parameters": sum(p.numel() for p in trained.model.parameters()),
-        "steps": trained.about["steps"], "batch": recipe.batch, "seconds": round(seconds, 1),
+        "steps": about["steps"], "batch": about["recipe"]["batch"], "seconds": about["seconds"],
     }  # fmt: skip
     scored = evaluate(trained, samples)
     scored |= {
@@ -110,47 +105,28 @@ def run_one(samples: Samples, variant: str, seed: int, recipe: Recipe | None = N
         f"reference_{name.replace(' ', '_')}": paper
         for name, (paper, _) in references(samples, trained.scaling).items()
     }
-    new = new_scenes(samples)
-    right = correct(respond(trained, source_of(trained), test, "describe"), samples, test)
+    new, right = new_scenes(samples), described(trained, samples)
     for name, part in {"new": right[new], "known": right[~new]}.items():
         if len(part):
             scored[f"describe_accuracy_{name}_scenes"] = 100 * float(part.mean())
     row |= {name: round(value, 3) for name, value in scored.items()}
-    if weights is not None:
-        checkpoint.save(weights_of(weights, variant, seed), trained)
-    return row, pd.DataFrame(points).assign(data=row["data"])
+    curve = pd.DataFrame(about["watched"], columns=POINT)
+    curve = curve.assign(variant=variant, seed=seed, data=data)
+    return {"family.csv": pd.DataFrame([row]), "family_curves.csv": curve[CURVE]}
 
 
-def weights_of(folder, variant: str, seed: int) -> Path:
-    """Where a model of this study lies."""
-    name = variant.lower().replace(", ", "_").replace(" ", "_")
-    return Path(folder) / f"{name}_seed{seed}.safetensors"
+POINT = ["epoch", "updates", "seconds", "describe_accuracy"]
+CURVE = ["variant", "seed", *POINT, "data"]
+STUDY = Study("family.csv", KEY, experiment_of, score,
+              beside={"family_curves.csv": [*KEY, "epoch"]}, watch=watch)  # fmt: skip
 
 
 def study(samples: Samples, folder, variants=REGULAR, seeds=(0, 1, 2), weights=None,
-          workers: int = 1, progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `family.csv`, seed by seed, writing each row as its training ends.
-
-    Args:
-        folder: of the tables.
-        weights: a folder for the trained models, NAME_seedN.safetensors; none are kept if None.
-        workers: trainings side by side.
-    """
-    for variant in variants:
-        if variant not in VARIANTS:
-            raise ConfigError(f"no variant {variant!r}; there are {'; '.join(VARIANTS)}")
-    table, curves = Path(folder) / "family.csv", Path(folder) / "family_curves.csv"
-    done, name = tables.there(table, KEY), samples.name
-    wanted = [(variant, seed) for seed in seeds for variant in variants]
-    jobs = [(samples, v, s, None, weights) for v, s in wanted if (name, v, s) not in done]
-
-    def keep(result) -> None:
-        row, points = result
-        tables.add(curves, points, KEY, [*KEY, "epoch"])
-        tables.add(table, pd.DataFrame([row]), KEY)
-
-    tables.run(run_one, jobs, keep, workers, progress)
-    return pd.read_csv(table)
+          **where) -> pd.DataFrame:  # fmt: skip
+    """Every variant of a seed before the next seed; see `runner.run`."""
+    check_names(variants, VARIANTS, "variant")
+    jobs = [(samples.name, variant, seed) for seed in seeds for variant in variants]
+    return run(STUDY, samples, jobs, folder, weights, **where)
 
 
 def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
@@ -204,3 +180,18 @@ def updates_to(curves: pd.DataFrame, percent: float) -> pd.DataFrame:
             "seconds": np.nan if at is None else at["seconds"],
         })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def add_options(parser: ArgumentParser) -> None:
+    data_options(parser)
+    options.trainings(parser)
+    options.weights(parser)
+    parser.add_argument("--variants", nargs="+", metavar="NAME", default=REGULAR,
+                        help="which; the long ones only if named")  # fmt: skip
+
+
+def command(given) -> dict:
+    samples = options.samples(given)
+    table = study(samples, given.out, given.variants, given.seeds, given.weights,
+                  **options.where(given))  # fmt: skip
+    return options.result(given, STUDY.file, table, samples)

@@ -11,19 +11,20 @@ Three models are compared, each with several seeds:
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from ptae_lite.console import data_options
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
-from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.evaluation import correct, nrmse, poses
-from ptae_lite.experiments import answer_source, tables
+from ptae_lite.experiments import answer_source, options
+from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.incongruence import (
     ANSWERS_WORDS,
     EXTRA_INPUT,
@@ -32,10 +33,8 @@ from ptae_lite.experiments.incongruence import (
     extra_inputs,
     respond_under,
 )  # fmt: skip
-from ptae_lite.models import checkpoint
+from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.models.ptae import PTAEConfig
-from ptae_lite.training import RECIPES, Recipe, train
 
 FILE = "incongruence.csv"
 ALL = [condition for signal in EXTRA_INPUT for condition in conditions(signal)]
@@ -57,7 +56,7 @@ MODELS = {
 }
 
 
-def score(
+def asked_under(
     trained: Trained, source: Source, indices, condition: Condition, seed: int,
     motions: answer_source.Motions,
 ) -> dict:  # fmt: skip
@@ -87,7 +86,7 @@ def score(
     )
 
 
-def run(
+def rows_of(
     trained: Trained, samples: Samples, seed: int = 0, split: str = "test",
     wanted: Sequence[Condition] = ALL,
 ) -> pd.DataFrame:  # fmt: skip
@@ -99,62 +98,32 @@ def run(
         signal, place, aspects = condition
         row = {"signal": signal, "conflict_in": place, "conflicts": len(aspects),
                "aspects": " ".join(aspects)}  # fmt: skip
-        rows.append(row | score(trained, source, indices, condition, seed, motions))
+        rows.append(row | asked_under(trained, source, indices, condition, seed, motions))
     return pd.DataFrame(rows)
 
 
-def model_of(samples: Samples, name: str, seed: int, weights=None, recipe: Recipe | None = None):
-    """A trained model: that of the folder `weights`, if it is there; else trained, and kept there.
-
-    Raises `ArtefactError` where the file is another training than the one asked for.
-    """
-    choices, changes = MODELS[name]
-    config = PTAEConfig(features=samples.features.shape[2], **choices)
-    recipe = replace(recipe or RECIPES["ptae"], seed=seed, **changes)
-    path = None if weights is None else Path(weights) / f"{name}_seed{seed}.safetensors"
-    if path is None or not path.exists():
-        trained = train(samples, recipe, config=config)
-        if path is not None:
-            checkpoint.save(path, trained)
-        return trained
-    trained = checkpoint.load(path)
-    was = trained.about["recipe"]
-    found = {"queries": trained.about["config"].get("queries", "language"),
-             "extra": was.get("extra", 0.0), "epochs": was["epochs"],
-             "seed": was["seed"]}  # fmt: skip
-    asked = {"queries": config.queries, "extra": recipe.extra, "epochs": recipe.epochs,
-             "seed": seed}  # fmt: skip
-    if found != asked:
-        raise ArtefactError(f"{path} was trained with {found}, not with {asked}; move it away")
-    return trained
+def experiment_of(samples: Samples, data: str, model: str, seed: int) -> Experiment:
+    """The training of a model."""
+    return experiment(samples, "ptae", *MODELS[model], seed, name=model)
 
 
-def run_one(samples: Samples, name: str, seed: int, weights=None) -> pd.DataFrame:
-    """The rows of one model, which is trained first if it is not there; see `study`."""
-    rows = run(model_of(samples, name, seed, weights), samples, seed)
-    which = pd.DataFrame({"data": samples.name, "model": name, "seed": seed}, index=rows.index)
+def score(trained: Trained, samples: Samples, data: str, model: str, seed: int) -> pd.DataFrame:
+    """The rows of one model."""
+    rows = rows_of(trained, samples, seed)
+    which = pd.DataFrame({"data": data, "model": model, "seed": seed}, index=rows.index)
     return pd.concat([which, rows.round(3)], axis=1)
 
 
-def study(samples: Samples, folder, models=tuple(MODELS), seeds=(0, 1, 2), weights=None,
-          workers: int = 1, progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `incongruence.csv`, writing the rows of a model when all are there.
+STUDY = Study(FILE, TRAINING, experiment_of, score, order=KEY)
 
-    Args:
-        folder: of the table.
-        weights: a folder of trained models, NAME_seedN.safetensors: what is there is not trained
-            again, what is missing is put there; none are looked for or kept if None.
-        workers: models side by side.
-    """
-    for name in models:
-        if name not in MODELS:
-            raise ConfigError(f"no model {name!r} in this study; there are {', '.join(MODELS)}")
-    table = Path(folder) / FILE
-    done = tables.there(table, TRAINING)
-    jobs = [(samples, name, seed, weights) for seed in seeds for name in models
-            if (samples.name, name, seed) not in done]  # fmt: skip
-    tables.run(run_one, jobs, lambda rows: tables.add(table, rows, KEY), workers, progress)
-    return read(table)
+
+def study(samples: Samples, folder, models=tuple(MODELS), seeds=(0, 1, 2), weights=None,
+          **where) -> pd.DataFrame:  # fmt: skip
+    """Every model of a seed before the next seed; see `runner.run`."""
+    check_names(models, MODELS, "model")
+    jobs = [(samples.name, name, seed) for seed in seeds for name in models]
+    run(STUDY, samples, jobs, folder, weights, **where)
+    return read(Path(folder) / FILE)
 
 
 def read(path) -> pd.DataFrame:
@@ -178,3 +147,18 @@ def costs(table: pd.DataFrame) -> pd.DataFrame:
         rows.append({"model": model, "seed": seed, "signal": signal,
                      "format": sign * (own - calm), "conflict": sign * (full - own)})  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def add_options(parser: ArgumentParser) -> None:
+    data_options(parser)
+    options.trainings(parser)
+    options.weights(parser)
+    parser.add_argument("--models", "--variants", nargs="+", metavar="NAME",
+                        default=tuple(MODELS), help="which models")  # fmt: skip
+
+
+def command(given) -> dict:
+    samples = options.samples(given)
+    table = study(samples, given.out, given.models, given.seeds, given.weights,
+                  **options.where(given, "models"))  # fmt: skip
+    return options.result(given, FILE, table, samples)

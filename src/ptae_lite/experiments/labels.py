@@ -7,8 +7,18 @@ from jaxtyping import Int
 
 from ptae_lite.baselines import linear_describe
 from ptae_lite.data.samples import Samples
+from ptae_lite.experiments.experiment import Labels
 from ptae_lite.language import Meaning, patterns, words_of
 from ptae_lite.training import label
+
+
+def chosen(samples: Samples, split: str, labels: Labels, seed: int) -> Int[np.ndarray, " M"] | None:
+    """Numbers of the samples of a split that have a label; None: all have."""
+    if labels.chosen == "random":
+        return label(samples.split(split), labels.percent, seed)
+    if labels.chosen == "covering":
+        return cover(samples, samples.split(split), labels.percent, seed)
+    return None
 
 
 def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.ndarray, " M"]:
@@ -22,13 +32,13 @@ def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.nd
     words = [word for kind in Meaning._fields for word in words_of(kind)]
     weight = np.concatenate([[len(words_of(k))] * len(words_of(k)) for k in Meaning._fields])
     said = np.array([[word in _meaning(samples, i) for word in words] for i in left])
-    named, chosen = np.zeros(len(words)), []
-    while len(chosen) < count:
+    named, taken = np.zeros(len(words)), []
+    while len(taken) < count:
         costs = said @ (named * weight)
-        costs[chosen] = np.inf
-        chosen.append(int(np.argmin(costs)))
-        named += said[chosen[-1]]
-    return np.sort(left[chosen])
+        costs[taken] = np.inf
+        taken.append(int(np.argmin(costs)))
+        named += said[taken[-1]]
+    return np.sort(left[taken])
 
 
 def linear_scores(samples: Samples, labelled, split: str = "test") -> dict[str, float]:

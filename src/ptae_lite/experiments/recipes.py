@@ -7,16 +7,19 @@ have the same labelled samples.
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
 
+from ptae_lite.console import data_options
 from ptae_lite.data.samples import Samples
-from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import supervision, tables
+from ptae_lite.experiments import options, supervision
+from ptae_lite.experiments.experiment import Experiment
+from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.experiments.supervision import Job
+from ptae_lite.models.checkpoint import Trained
 from ptae_lite.training import RECIPES
 
 SHARE = 10  # percent of the samples that have a label: of 552, 56
@@ -43,33 +46,44 @@ CHOICES = {
 KEY = ["data", "choice", "seed"]
 
 
-def run_one(samples: Samples, choice: str, seed: int) -> pd.DataFrame:
-    """One training: its row."""
-    job = Job("ptae", "samples", "balanced", SHARE, seed)
+def job_of(seed: int) -> Job:
+    """What is trained in every choice: the study's job, with another recipe."""
+    return Job("ptae", "samples", "balanced", SHARE, seed)
+
+
+def experiment_of(samples: Samples, data: str, choice: str, seed: int) -> Experiment:
+    """The training of a row."""
     recipe = replace(REGULAR, **CHOICES[choice].changes)
-    row, _ = supervision.run_one(samples, job, recipe, split="fit")
+    return supervision.experiment_of(samples, job_of(seed), recipe, split="fit")
+
+
+def score(trained: Trained, samples: Samples, data: str, choice: str, seed: int) -> pd.DataFrame:
+    """Its row: what the study of few labels says, of held-out patterns."""
+    row = supervision.score(trained, samples, job_of(seed), split="fit")[supervision.FILE]
     row["choice"] = choice
     dropped = (*KEY, "model", "mode", "variant", "share")
     return row[KEY + [column for column in row if column not in dropped]]
 
 
-def study(samples: Samples, folder, choices=tuple(CHOICES), seeds=(0, 1), workers: int = 1,
-          progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `recipes.csv`, seed by seed, writing each row as its training ends.
+STUDY = Study("recipes.csv", KEY, experiment_of, score)
 
-    Args:
-        folder: of the table.
-        choices: which of `CHOICES`.
-        workers: trainings side by side.
-    """
-    for choice in choices:
-        if choice not in CHOICES:
-            raise ConfigError(f"no choice {choice!r}; there are {', '.join(CHOICES)}")
-    table = Path(folder) / "recipes.csv"
-    done = tables.there(table, KEY)
-    todo = [
-        (samples, choice, seed) for seed in seeds for choice in choices
-        if (samples.name, choice, seed) not in done
-    ]  # fmt: skip
-    tables.run(run_one, todo, lambda row: tables.add(table, row, KEY), workers, progress)
-    return pd.read_csv(table)
+
+def study(samples: Samples, folder, choices=tuple(CHOICES), seeds=(0, 1),
+          **where) -> pd.DataFrame:  # fmt: skip
+    """Every choice of a seed before the next seed; see `runner.run`."""
+    check_names(choices, CHOICES, "choice")
+    jobs = [(samples.name, choice, seed) for seed in seeds for choice in choices]
+    return run(STUDY, samples, jobs, folder, **where)
+
+
+def add_options(parser: ArgumentParser) -> None:
+    data_options(parser)
+    options.trainings(parser, seeds=(0, 1))
+    parser.add_argument("--variants", nargs="+", metavar="NAME", default=tuple(CHOICES),
+                        help="which choices")  # fmt: skip
+
+
+def command(given) -> dict:
+    samples = options.samples(given)
+    table = study(samples, given.out, given.variants, given.seeds, **options.where(given))
+    return options.result(given, STUDY.file, table, samples)

@@ -13,23 +13,27 @@ on the test samples. `supervision_sentences.csv` keeps what a model says of a fe
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from argparse import ArgumentParser
+from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from ptae_lite.console import data_options
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import correct, evaluate, respond, sentences, word_accuracy
-from ptae_lite.experiments import tables
-from ptae_lite.experiments.labels import cover, linear_scores
+from ptae_lite.experiments import options, runner
+from ptae_lite.experiments.experiment import Experiment, Labels, experiment
+from ptae_lite.experiments.labels import chosen, linear_scores
+from ptae_lite.experiments.runner import Study
 from ptae_lite.language import patterns, sentence
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.training import RECIPES, Recipe, label, train
+from ptae_lite.training import RECIPES, Recipe
 
 SHARES = {  # percent: of the 648 training samples, and of the updates
     "samples": (1, 2, 5, 10, 20, 50, 66.6, 100),
@@ -40,14 +44,14 @@ ORDER = (10, 2, 50, 20, 5, 1, 66.6, 100)  # a part of the grid spans all of it
 DRAWS = 20  # of labels for the linear baseline, which takes no time
 SEEDS = (0, 1, 2)
 KEY = ["model", "data", "mode", "variant", "share", "seed"]
+FILE, SENTENCES = "supervision.csv", "supervision_sentences.csv"
 SHOWN = 6  # test clips whose descriptions are kept
 
 
 class Variant(NamedTuple):
-    """How labelled samples are chosen and shown."""
+    """How labelled samples are shown."""
 
     recipe: dict = {}
-    covering: bool = False  # they name every word
     times: int = 1  # as many epochs
 
 
@@ -56,7 +60,7 @@ VARIANTS = {
     "paper": Variant({"balanced": False}),
     "balanced": Variant(),  # half of every batch has a label
     "unpaired": Variant({"unpaired": True}),  # and a sentence to repeat comes with another's scene
-    "covering": Variant(covering=True),  # balanced, too
+    "covering": Variant(),  # balanced, too; the labelled samples name every word
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
 
@@ -144,54 +148,67 @@ def select(jobs: list[Job], **asked) -> list[Job]:
     return list(dict.fromkeys(found))
 
 
-def run_one(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "train"):
-    """Train and score one job: its rows, and its sentences (none of the linear baseline).
+def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
+                  split: str = "train") -> Experiment | None:  # fmt: skip
+    """The training of a job; None for the linear baseline, which needs none.
 
     Args:
         recipe: the model's own if None.
-        split: `fit` while settings are chosen; the scores are then of `held_out`.
+        split: `fit` while settings are chosen.
     """
-    scored, begun = "test" if split == "train" else "held_out", time.process_time()
+    if job.model == "linear":
+        return None
+    if (job.mode, job.model) == ("iterations", "pvae"):
+        raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
+    own, labels = asdict(recipe or RECIPES[job.model]), Labels()
+    if not job.regular:
+        variant = VARIANTS[job.variant]
+        own |= variant.recipe | {"epochs": own["epochs"] * variant.times}
+        if job.mode == "iterations":
+            labels, own["supervised"] = Labels("few updates"), job.share / 100
+        else:
+            labels = labels_of(job)
+    return experiment(samples, job.model, {}, own, job.seed, split=split, labels=labels)
+
+
+def score(trained: Trained | None, samples: Samples, job: Job, split: str = "train") -> dict:
+    """The rows of a job, and its sentences (none of the linear baseline), by their tables.
+
+    Args:
+        split: that it was trained on; the scores are of `test`, or of `held_out` where it is `fit`.
+    """
+    begun, scored = time.process_time(), "test" if split == "train" else "held_out"
     row = job._asdict() | {"data": samples.name, "share": float(job.share)}
     versions = f"torch {version('torch')}, numpy {version('numpy')}"
-    if job.model == "linear":
-        chosen = labelled(samples, job, split)
-        row |= {"labelled": len(chosen)} | linear_scores(samples, chosen, scored)
+    if trained is None:
+        own = labelled(samples, job, split)
+        row |= {"labelled": len(own)} | linear_scores(samples, own, scored)
         row |= {"seconds": round(time.process_time() - begun, 1), "versions": versions}
-        return pd.DataFrame([row]), pd.DataFrame()
-    trained = fit(samples, job, recipe, split)
-    seconds = round(time.process_time() - begun, 1)
-    row |= {"labelled": trained.about["labelled"]} | scores(trained, samples, scored)
-    row |= {name: trained.about[name] for name in ("supervised_presentations", "steps")}
-    row |= {"seconds": seconds, "versions": versions}
+        return {FILE: pd.DataFrame([row])}
+    about = trained.about
+    row |= {"labelled": about["labelled"]} | scores(trained, samples, scored)
+    row |= {name: about[name] for name in ("supervised_presentations", "steps", "seconds")}
+    row |= {"versions": versions}
     rows, said = pd.DataFrame([row]), examples(trained, samples).assign(**{k: row[k] for k in KEY})
     named = [{"mode": name.mode, "share": float(name.share)} for name in _names(job)]
     rows, said = (pd.concat([t.assign(**one) for one in named]) for t in (rows, said))
-    return rows[KEY + [c for c in rows if c not in KEY]], said
+    return {FILE: rows[KEY + [c for c in rows if c not in KEY]], SENTENCES: said}
 
 
 def labelled(samples: Samples, job: Job, split: str = "train") -> np.ndarray:
     """The samples that have a label in a job of the mode `samples`."""
-    if job.variant == "covering":
-        return cover(samples, samples.split(split), job.share, job.seed)
-    return label(samples.split(split), job.share, job.seed)
+    return chosen(samples, split, labels_of(job), job.seed)
+
+
+def labels_of(job: Job) -> Labels:
+    """How they are chosen."""
+    return Labels("covering" if job.variant == "covering" else "random", job.share)
 
 
 def fit(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "train",
         progress=lambda epochs: epochs) -> Trained:  # fmt: skip
-    """Train the model of a job; see `run_one`."""
-    recipe = replace(recipe or RECIPES[job.model], seed=job.seed)
-    options = {"model": job.model, "split": split, "progress": progress}
-    if (job.mode, job.model) == ("iterations", "pvae"):
-        raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
-    if job.regular:
-        return train(samples, recipe, **options)
-    variant = VARIANTS[job.variant]
-    recipe = replace(recipe, **variant.recipe, epochs=recipe.epochs * variant.times)
-    if job.mode == "iterations":
-        recipe = replace(recipe, supervised=job.share / 100)
-        return train(samples, recipe, limited=True, **options)
-    return train(samples, recipe, labelled=labelled(samples, job, split), **options)
+    """Train the model of a job; see `experiment_of`."""
+    return runner.fit(experiment_of(samples, job, recipe, split), samples, progress=progress)
 
 
 def scores(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:
@@ -214,27 +231,45 @@ def examples(trained: Trained, samples: Samples) -> pd.DataFrame:
 
 
 def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recipe | None = None,
-          progress=lambda results, total: results, **where) -> pd.DataFrame:  # fmt: skip
-    """Run the jobs (all of `grid` if None) whose rows `supervision.csv` does not have yet.
-
-    Each row, and its sentences, are written as its training ends; so a stopped study goes on.
+          **where) -> pd.DataFrame:  # fmt: skip
+    """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
-        folder: of the tables.
-        where: where the work is done, see `tables.run`.
+        recipe: of all trainings; each model's own if None.
     """
-    table, said = Path(folder) / "supervision.csv", Path(folder) / "supervision_sentences.csv"
-    done = tables.there(table, KEY)
-    todo = [
-        (samples, job, recipe) for job in (grid() if jobs is None else jobs)
-        if (job.model, samples.name, *job[1:]) not in done
-    ]  # fmt: skip
+    rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]
+    made = Study(FILE, KEY, partial(_experiment, recipe), _score, beside={SENTENCES: KEY})
+    return runner.run(made, samples, rows, folder, **where)
 
-    def keep(result) -> None:
-        rows, sentences_said = result
-        if len(sentences_said):
-            tables.add(said, sentences_said, KEY)
-        tables.add(table, rows, KEY)
 
-    tables.run(run_one, todo, keep, progress=progress, **where)
-    return pd.read_csv(table)
+def named(samples: Samples, job: Job) -> tuple:
+    """A job as the columns `KEY` name it."""
+    return (job.model, samples.name, *job[1:])
+
+
+def _experiment(recipe: Recipe | None, samples: Samples, model: str, data: str, *rest):
+    return experiment_of(samples, Job(model, *rest), recipe)
+
+
+def _score(trained: Trained | None, samples: Samples, model: str, data: str, *rest):
+    return score(trained, samples, Job(model, *rest))
+
+
+def add_options(parser: ArgumentParser) -> None:
+    data_options(parser)
+    options.trainings(parser, SEEDS)
+    parser.add_argument("--models", nargs="+", metavar="NAME", help="which models")
+    parser.add_argument("--modes", nargs="+", metavar="NAME", help="samples, iterations")
+    parser.add_argument("--variants", nargs="+", metavar="NAME", help="which variants")
+    parser.add_argument("--shares", type=float, nargs="+", metavar="PERCENT",
+                        help="which shares of labels")  # fmt: skip
+    parser.add_argument("--core", action="store_true",
+                        help="only what the figures of chapter 04 need")  # fmt: skip
+
+
+def command(given) -> dict:
+    samples = options.samples(given)
+    jobs = select(grid(given.seeds, given.core), model=given.models, mode=given.modes,
+                  variant=given.variants, share=given.shares)  # fmt: skip
+    table = study(samples, given.out, jobs, **options.where(given))
+    return options.result(given, FILE, table, samples)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -88,11 +88,12 @@ def _shapes(arrays: dict[str, np.ndarray]) -> dict[str, tuple]:
     return {name: array.shape for name, array in arrays.items()}
 
 
-def table(key: tuple, within: dict[str, tuple[float, float]], share: float = 0.95) -> Check:
+def table(key: Iterable[str], within: dict[str, tuple[float, float]], share: float = 0.95) -> Check:
     """A CSV table: rows with the same `key`, the mean over the seeds that both tables have.
 
     `within` gives tolerances by a regular expression of the column's name.
     """
+    key = tuple(key)
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (pd.read_csv(folder / name) for folder in (remade, stored))
@@ -142,7 +143,7 @@ def arrays(within: dict[str, float], share: float = 0.99) -> Check:
     return Check(f"{share:.0%} of the numbers in each: {rooms}; the rest equal", compare)
 
 
-def texts(key: tuple, column: str, share: float) -> Check:
+def texts(key: Iterable[str], column: str, share: float) -> Check:
     """A CSV table of texts: how many are the same in the rows with the same `key`."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:

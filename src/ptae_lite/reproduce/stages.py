@@ -8,7 +8,16 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ptae_lite.experiments.encoders import CAES, PCAS
+from ptae_lite.experiments import (
+    closed_loop,
+    conflict_examples,
+    encoders,
+    encoders_in_use,
+    family,
+    incongruence_table,
+    recipes,
+    supervision,
+)
 from ptae_lite.reproduce.checks import (
     READOUT,
     SCORES,
@@ -62,8 +71,9 @@ STAGES = (
     Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
           "--eyes {out}/eyes --seeds {seeds} --device {device} "
           "--out {out}/results", {
-        "results/eyes.csv": table(("eye", "seed", "presentations", "split"), SEEN, 0.9),
-        "results/eyes_drawings.npz": arrays(dict.fromkeys((*CAES, *PCAS), 10), 0.85),
+        "results/eyes.csv": table(encoders.KEY[:4], SEEN, 0.9),
+        "results/eyes_drawings.npz": arrays(
+            dict.fromkeys((*encoders.CAES, *encoders.PCAS), 10), 0.85),
         "weights/cae.safetensors": drawing(0.25),
         "weights/plain_cae.safetensors": drawing(0.25)},
         1, 19, simulator=True, lies=EYES),
@@ -72,44 +82,38 @@ STAGES = (
           {"recording/features.npz": READOUT}, 1, simulator=True),
     Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
           "--seeds {seeds} --out {out}/results",
-          {"results/eyes_ptae.csv": table(("eye", "seed", "presentations"), SCORED, 0.9)},
+          {"results/eyes_ptae.csv": table(encoders_in_use.KEY, SCORED, 0.9)},
           0, 11, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results", {  # its PTAE is that of the studies below
-        "results/family.csv": table(("data", "variant", "seed"), SCORED, 0.9),
-        "results/family_curves.csv":
-            table(("data", "variant", "seed", "epoch"), {"accuracy": (25, 0)}, 0.8),
+        "results/family.csv": table(family.KEY, SCORED, 0.9),
+        "results/family_curves.csv": table([*family.KEY, "epoch"], {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES},
         0, 24, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
     Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
           "--out {out}/results", {
-        "results/incongruence_stories.csv": texts(
-            ("sample", "signal", "conflict_in", "conflicts", "aspects"), "answer", 0.6),
+        "results/incongruence_stories.csv": texts(conflict_examples.KEY, "answer", 0.6),
         "results/incongruence_stories.npz": arrays({"joints": 0.05, "films": 4}, 0.9)},
         simulator=True),
     Stage("recipes",  # both stored seeds: with 56 labels one training says little
           "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 1 "
           "--out {out}/results",
-          {"results/recipes.csv": table(("data", "choice", "seed"), SCORED, 0.9)}, 6),
+          {"results/recipes.csv": table(recipes.KEY, SCORED, 0.9)}, 6),
     Stage("conflicts and labels",  # PTAE's curves; the whole study of labels takes hours more
           "ptae_lite.reproduce.run_parallel "
           "ptae_lite study incongruence --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results + "
           "ptae_lite study supervision --core --models linear ptae --workers 2 "
           "--seeds {seeds} --out {out}/results", {
-        "results/incongruence.csv": table(
-            ("data", "model", "seed", "signal", "conflict_in", "conflicts", "aspects"),
-            SCORED, 0.8),
-        "results/supervision.csv":
-            table(("model", "data", "mode", "variant", "share", "seed"), SCORED, 0.9),
-        "results/supervision_sentences.csv": table(
-            ("model", "data", "mode", "variant", "share", "seed", "sample"), ANSWERS, 0.7)},
+        "results/incongruence.csv": table(incongruence_table.KEY, SCORED, 0.8),
+        "results/supervision.csv": table(supervision.KEY, SCORED, 0.9),
+        "results/supervision_sentences.csv": table([*supervision.KEY, "sample"], ANSWERS, 0.7)},
         1, 37),
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(
-            ("model", "seed", "condition", "pattern", "variation"), {"^success$": (0, 0)}, 0.7),
-        "results/closed_loop_models.csv": table(("model", "seed"), SCORED, 0.8),
+            [*closed_loop.KEY, "pattern", "variation"], {"^success$": (0, 0)}, 0.7),
+        "results/closed_loop_models.csv": table(closed_loop.SCORES.key, SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
         "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 20, simulator=True),

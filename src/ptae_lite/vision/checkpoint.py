@@ -24,10 +24,15 @@ def make_eye(kind: str, code: int = CODE) -> nn.Module:
     return kinds[kind](code)
 
 
-def save_eye(path, eye: nn.Module, recipe: EyeRecipe | None = None, device: str = "cpu") -> None:
-    """Write an eye with its kind, where it was trained and, of a CAE, its recipe into one file."""
+def save_eye(
+    path, eye: nn.Module, recipe: EyeRecipe | None = None, device: str = "cpu", **more
+) -> None:
+    """Write an eye with its kind, where it was trained and, of a CAE, its recipe into one file.
+
+    `more` is kept beside these, such as the `experiment` that it is of.
+    """
     about = {"kind": eye.kind, "code": eye.code, "recipe": asdict(recipe) if recipe else None}
-    about["device"] = device
+    about |= {"device": device} | more
     artefacts.save_weights(path, eye.state_dict(), about)
 
 

@@ -1,0 +1,58 @@
+"""What a camera saw beside the recording: videos that an experiment is trained with, too.
+
+A model that acts sees itself go off the recorded course. Either noise stands for that, or a model
+acts, in scenes of the training samples, and what it sees is held against the recorded motion of
+that scene (data aggregation, Ross et al. 2011, arXiv:1011.0686).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ptae_lite import artefacts, vision
+from ptae_lite.acting import Actor
+from ptae_lite.data.samples import Samples
+from ptae_lite.data.signals import STEPS
+from ptae_lite.experiments.experiment import Experiment
+from ptae_lite.experiments.tasks import told_in
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.robot import closed_loop
+
+NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
+COUNT = 2  # noisy videos for each sample
+
+
+def make(asked: Experiment, samples: Samples, base: Trained | None) -> dict[int, list[np.ndarray]]:
+    """Videos by sample number, features (99, F) of each, as `training.train` takes them.
+
+    Args:
+        base: whose own episodes they are; with half of the samples, another half in odd seeds.
+    """
+    indices = samples.split(asked.split)
+    if asked.videos == "noisy":
+        return noisy(samples, indices, asked.seed)
+    seen = seen_in_own_episodes(base, samples, indices[asked.seed % 2 :: 2])
+    return {sample: [video] for sample, video in seen.items()}
+
+
+def noisy(samples: Samples, indices, seed: int) -> dict[int, list[np.ndarray]]:
+    """Recorded videos with noise on the features, `COUNT` for each sample."""
+    rng, videos = np.random.default_rng([46, seed]), samples.features[:, :STEPS]
+    spread = videos[indices].std((0, 1))
+    return {
+        i: [videos[i] + NOISE * spread * rng.standard_normal(videos[i].shape) for _ in range(COUNT)]
+        for i in map(int, indices)
+    }
+
+
+def seen_in_own_episodes(trained: Trained, samples: Samples, indices) -> dict[int, np.ndarray]:
+    """What the model's camera saw in its own episodes with samples: features (99, F) of each."""
+    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    videos = {}
+    for task in told_in(samples, indices):
+        actor = Actor(trained, eye, task.told)
+        closed_loop.perform(task.stage, actor, limit=int(samples.frames[task.sample]) + 1)
+        seen = np.stack(actor.looks)[:STEPS]
+        rest = np.repeat(seen[-1:], STEPS - len(seen), axis=0)
+        videos[task.sample] = np.concatenate([seen, rest])
+    return videos
