@@ -12,6 +12,8 @@ import pytest
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, training, vision
 from ptae_lite.data import frames
+from ptae_lite.experiments import closed_loop
+from ptae_lite.experiments.registry import STUDIES
 from ptae_lite.models import checkpoint
 from ptae_lite.robot import recorder
 
@@ -41,6 +43,19 @@ def refusal(capsys):
         (line,) = err.splitlines()
         assert line.startswith(f"{arguments[0]}: ")
         return line
+
+    return run
+
+
+@pytest.fixture
+def misfit(capsys):
+    """A function: a command whose arguments are refused; the last line of what it says."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as ended:
+            cli.main([*map(str, arguments)])
+        assert ended.value.code == 2
+        return capsys.readouterr().err.splitlines()[-1]
 
     return run
 
@@ -167,12 +182,33 @@ def test_weights_have_a_place_where_none_is_named(
 
 
 @pytest.mark.parametrize("name", ["eyes", "eyes-ptae", "closed-loop"])
-def test_a_study_of_our_recording_alone_takes_no_other_data(refusal, tmp_path, name):
-    asked = (("--data", "authors"), ("--holdout", 18))
-    for option in asked:
-        message = refusal("study", name, *option, "--out", tmp_path / "new")
-        assert f"study {name} is of our own recording; leave out --data, --holdout" in message
+def test_a_study_of_our_recording_alone_takes_no_other_data(misfit, tmp_path, name):
+    for option in (("--data", "authors"), ("--holdout", "18")):
+        message = misfit("study", name, *option, "--out", tmp_path / "new")
+        assert f"study {name} does not understand {' '.join(option)}; " in message
+        assert f"python -m ptae_lite study {name} --help" in message
     assert not list(tmp_path.iterdir())
+
+
+def test_each_study_understands_its_own_options_and_no_other(misfit, tmp_path):
+    for option in ("--shares", "--modes", "--eyes"):
+        message = misfit("study", "closed-loop", option, "2", "--out", tmp_path / "new")
+        assert f"study closed-loop does not understand {option} 2; " in message
+    for name in STUDIES:
+        with pytest.raises(SystemExit) as ended:
+            cli.main(["study", name, "--help"])
+        assert ended.value.code == 0
+    assert not list(tmp_path.iterdir())
+
+
+def test_models_of_the_closed_loop_are_those_that_are_named(monkeypatch, capsys, tmp_path):
+    asked = []
+    monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda *_: None)
+    monkeypatch.setattr(closed_loop, "study", lambda *given, **_: asked.append(given[3]) or [])
+    monkeypatch.setattr("ptae_lite.experiments.episodes.keep", lambda *_: None)
+    for option in ("--models", "--variants"):
+        cli.main(["study", "closed-loop", option, "ptae", "--out", str(tmp_path)])
+    assert asked == [["ptae"], ["ptae"]]
 
 
 @pytest.mark.parametrize("model", ["ptae", "pvae"])

@@ -14,7 +14,16 @@ from jaxtyping import Bool, Float, Int
 from ptae_lite.data.samples import MAX_FRAMES, Samples
 from ptae_lite.data.scaling import Scaling
 from ptae_lite.data.signals import STEPS, Batch, Source, build, signal_number
-from ptae_lite.language import MEANINGS, SYNONYMS, WORD_INDEX, Meaning, decode, patterns, says
+from ptae_lite.language import (
+    MEANINGS,
+    SYNONYMS,
+    WORD_INDEX,
+    Meaning,
+    Pattern,
+    decode,
+    patterns,
+    says,
+)
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.common import Answer
 
@@ -122,7 +131,13 @@ def new_scenes(samples: Samples, split: str = "test") -> Bool[np.ndarray, " M"]:
     other speed is for training is known but for its speed: 24 of the 36.
     """
     known = {
-        p.index % 72
+        _scene(p)
         for p in (patterns()[i] for i in np.unique(samples.pattern[samples.split("train")]))
     }
-    return np.array([i % 72 not in known for i in samples.pattern[samples.split(split)]])
+    asked = samples.pattern[samples.split(split)]
+    return np.array([_scene(patterns()[i]) not in known for i in asked])
+
+
+def _scene(shown: Pattern) -> tuple:
+    """All of a pattern but its speed."""
+    return shown.arrangement, shown.side, shown.action

@@ -196,6 +196,21 @@ def pattern(index: int) -> Pattern:
     return patterns()[index]
 
 
+def pattern_at(arrangement: tuple[str, str], side: str, action: str, speed: str) -> Pattern:
+    """The pattern of an action in an arrangement, one of `ARRANGEMENTS`.
+
+    Here alone it is known in which order the patterns stand. Raises `LanguageError` naming what
+    there is.
+    """
+    asked = ((speed, SPEEDS), (arrangement, ARRANGEMENTS), (side, SIDES), (action, ACTIONS))
+    index = 0
+    for value, values in asked:
+        if value not in values:
+            raise LanguageError(f"no pattern with {value!r}; there are {values}")
+        index = index * len(values) + values.index(value)
+    return patterns()[index]
+
+
 def signal_index(signal: str) -> int:
     """Token index of a task signal. Raises `LanguageError` naming the signals there are."""
     if signal not in SIGNALS:

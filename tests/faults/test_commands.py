@@ -14,10 +14,10 @@ import torch
 from watch import environment, unchanged
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts, files, study_command, training, vision
+from ptae_lite import artefacts, files, training, vision
 from ptae_lite.data import frames
 from ptae_lite.errors import FileError
-from ptae_lite.experiments import tables
+from ptae_lite.experiments import family, tables
 from ptae_lite.robot import recorder, scene
 
 TINY = ["--set", "hidden=16", "--set", "heads=2", "--set", "feed_forward=32",
@@ -244,9 +244,7 @@ def test_a_disk_that_is_full_in_the_middle_of_a_study(refused, few_stored, tmp_p
     table = tmp_path / "family.csv"
     pd.DataFrame({"data": ["x"], "variant": ["PTAE"], "seed": [9]}).to_csv(table, index=False)
     row = pd.DataFrame({"data": ["recording"], "variant": ["PTAE"], "seed": [0]})
-    monkeypatch.setitem(
-        study_command.STUDIES, "family", lambda _: tables.add(table, row, list(row))
-    )
+    monkeypatch.setattr(family, "command", lambda _: tables.add(table, row, list(row)))
     monkeypatch.setattr(pd.DataFrame, "to_csv", full_disk)
     for name in ("family.lock", "family.csv.lock"):  # empty, and they stay
         (tmp_path / name).touch()

@@ -13,6 +13,7 @@ import argparse
 import sys
 import time
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +37,7 @@ from ptae_lite.experiments.incongruence import (
     respond_under,
 )  # fmt: skip
 from ptae_lite.files import whole, write_arrays
-from ptae_lite.language import ACTIONS, pattern
+from ptae_lite.language import ACTIONS, SIDES, SPEEDS, pattern, pattern_at
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.pipes import piped
@@ -110,12 +111,12 @@ def film(folder, samples: Samples, index: int) -> UInt8[np.ndarray, "12 shots he
     from ptae_lite.robot.recorder import check_ours, load_sequence
 
     check_ours(folder, same_scene=False)
-    arrangement, variation = samples.pattern[index] % 72 // 6, int(samples.variation[index])
+    arrangement = pattern(int(samples.pattern[index])).arrangement
     strips = []
-    for action in range(2 * 2 * len(ACTIONS)):
-        number = int(72 * (action // 6) + 6 * arrangement + action % 6)
-        images = load_sequence(folder, number, variation).images
-        at = np.linspace(0, pattern(number).frames - 1, SHOTS).round().astype(int)
+    for speed, side, action in product(SPEEDS, SIDES, ACTIONS):
+        shown = pattern_at(arrangement, side, action, speed)
+        images = load_sequence(folder, shown.index, int(samples.variation[index])).images
+        at = np.linspace(0, shown.frames - 1, SHOTS).round().astype(int)
         strips.append([np.array(Image.fromarray(images[t]).resize(SHOT_PX)) for t in at])
     return np.array(strips)
 

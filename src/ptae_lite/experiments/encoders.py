@@ -158,10 +158,8 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
         seconds = spent + devices.clock(device) - begun
         branch.eye.to("cpu").eval()
         if steps:
-            own, path = (
-                bench.experiment_of(name, seed, steps),
-                bench.weights(name, seed, presentations),
-            )
+            own = bench.experiment_of(name, seed, steps)
+            path = bench.weights(name, seed, presentations)
             vision.save_eye(path, branch.eye, own.recipe, device, experiment=own.hash)
         bench.write(branch.eye, {
             "eye": name, "code": code, "seed": seed, "presentations": presentations,

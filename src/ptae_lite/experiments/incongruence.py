@@ -34,7 +34,7 @@ from ptae_lite.language import (
     Pattern,
     encode,
     pattern,
-    patterns,
+    pattern_at,
     sentence,
     words_of,
 )  # fmt: skip
@@ -130,17 +130,14 @@ def partner(pattern: Pattern, aspects, rng: np.random.Generator) -> Pattern:
 
     A position conflict is also a colour conflict in the sentence that would describe the partner.
     """
-    action, side, speed = (
-        ACTIONS.index(pattern.action), SIDES.index(pattern.side), SPEEDS.index(pattern.speed)
-    )  # fmt: skip
+    action, side, speed = pattern.action, pattern.side, pattern.speed
     if "action" in aspects:
-        action = (action + rng.integers(1, 3)) % 3
+        action = ACTIONS[(ACTIONS.index(action) + rng.integers(1, len(ACTIONS))) % len(ACTIONS)]
     if "position" in aspects:
-        side = 1 - side
+        side = SIDES[1 - SIDES.index(side)]
     if "speed" in aspects:
-        speed = 1 - speed
-    arrangement = pattern.index % 72 // 6
-    return patterns()[72 * speed + 6 * arrangement + 3 * side + action]
+        speed = SPEEDS[1 - SPEEDS.index(speed)]
+    return pattern_at(pattern.arrangement, side, action, speed)
 
 
 def extra_inputs(samples: Samples, indices, condition: Condition, seed: int = 0) -> list:
