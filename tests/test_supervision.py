@@ -57,7 +57,7 @@ class Idle(nn.Module):
 
 
 @pytest.fixture
-def idle(small, small_configs, monkeypatch):
+def idle(small, monkeypatch):
     """As `small`, at no cost: what a training draws does not depend on its model."""
     idle = {k: v._replace(network=Idle) for k, v in MODELS.items()}
     monkeypatch.setattr(training, "MODELS", idle)
