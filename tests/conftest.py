@@ -132,9 +132,12 @@ def small_experiments(monkeypatch, small_configs):
         asked.append(one)
         return real(one, *rest, **more)
 
-    small = {k: v._replace(config=partial(replace, small_configs[k])) for k, v in models.items()}
+    few_epochs = Recipe(epochs=6, batch=8)
+    small = {
+        k: v._replace(config=partial(replace, small_configs[k]), recipe=few_epochs)
+        for k, v in models.items()
+    }
     monkeypatch.setattr(experiment, "MODELS", small)
-    monkeypatch.setattr(experiment, "RECIPES", dict.fromkeys(small, Recipe(epochs=6, batch=8)))
     monkeypatch.setattr(runner, "fit", fit)
     return asked
 

@@ -32,8 +32,7 @@ def recorded():
 def quick(monkeypatch):
     """One epoch of a tiny model, and an arm that is given up after a few frames."""
     sizes = lambda **choices: PTAEConfig(**TINY | choices)  # noqa: E731
-    small = {"ptae": MODELS["ptae"]._replace(config=sizes)}
-    monkeypatch.setattr(experiment, "RECIPES", {"ptae": Recipe(epochs=1, batch=6)})
+    small = {"ptae": MODELS["ptae"]._replace(config=sizes, recipe=Recipe(epochs=1, batch=6))}
     monkeypatch.setattr(experiment, "MODELS", small)
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 4)
 

@@ -18,6 +18,7 @@ from ptae_lite import artefacts, files, training, vision
 from ptae_lite.data import frames
 from ptae_lite.errors import FileError
 from ptae_lite.experiments import family, tables
+from ptae_lite.models import MODELS
 from ptae_lite.robot import recorder, scene
 
 TINY = ["--set", "hidden=16", "--set", "heads=2", "--set", "feed_forward=32",
@@ -62,7 +63,8 @@ def no_training(monkeypatch):
 @pytest.fixture
 def few_stored(few, monkeypatch):
     monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout=None: few)
-    monkeypatch.setitem(training.RECIPES, "ptae", training.Recipe(epochs=1, batch=8))
+    quick = MODELS["ptae"]._replace(recipe=training.Recipe(epochs=1, batch=8))
+    monkeypatch.setitem(MODELS, "ptae", quick)
 
 
 def full_disk(*_, **__):

@@ -38,13 +38,14 @@ def samples():
 def command(*arguments) -> int:
     """`python -m ptae_lite ARGUMENTS` on the made-up samples, with slow and tiny trainings."""
     import ptae_lite.__main__ as cli
-    from ptae_lite import training
     from ptae_lite.data import samples as stored
     from ptae_lite.experiments import options
+    from ptae_lite.models import MODELS
+    from ptae_lite.recipe import Recipe
 
-    real, many = training.Recipe, samples()
-    for model in training.RECIPES:
-        training.RECIPES[model] = real(epochs=3, batch=8)
+    many = samples()
+    for name, kind in MODELS.items():
+        MODELS[name] = kind._replace(recipe=Recipe(epochs=3, batch=8))
     stored.load_samples = lambda *_: many
     cli.bar = options.bar = slow
     return cli.main([*arguments])

@@ -19,7 +19,6 @@ from typing import Any
 from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.models import MODELS
-from ptae_lite.training import RECIPES
 
 LABELS = ("all", "random", "covering", "few updates")
 VIDEOS = ("noisy", "own episodes")
@@ -87,7 +86,7 @@ def experiment(
 
     Args:
         config: what differs from the model's own choices, by name.
-        recipe: what differs from the model's own recipe in `RECIPES`, by name.
+        recipe: what differs from the model's own recipe in `MODELS`, by name.
         more: other fields of `Experiment`.
 
     Raises:
@@ -96,7 +95,7 @@ def experiment(
     if model not in MODELS:
         raise ConfigError(f"no model {model!r}; there are {', '.join(MODELS)}")
     sizes = MODELS[model].config(**{"features": samples.features.shape[2]} | dict(config or {}))
-    how = replace(RECIPES[model], **dict(recipe or {}) | {"seed": seed})
+    how = replace(MODELS[model].recipe, **dict(recipe or {}) | {"seed": seed})
     return Experiment(model, sizes, how, samples.fingerprint, **more)
 
 
