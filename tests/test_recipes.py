@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts, training
+from ptae_lite import artefacts
+from ptae_lite.data import batches
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, runner, supervision
 from ptae_lite.experiments.experiment import Labels
@@ -62,9 +63,9 @@ def test_rows_that_are_stored_are_not_made_again(samples, asked, tmp_path):
 
 def test_held_out_patterns_take_no_part_in_a_training(samples, small_experiments, monkeypatch):
     """The real thing in small: scored on held-out patterns, trained on the others."""
-    seen, scored, build = set(), [], training.build
+    seen, scored, build = set(), [], batches.build
     monkeypatch.setattr(recipes, "REGULAR", replace(RECIPES["ptae"], epochs=1, batch=54))
-    monkeypatch.setattr(training, "build", lambda source, samples, *rest: (
+    monkeypatch.setattr(batches, "build", lambda source, samples, *rest: (
         seen.update(samples.tolist()) or build(source, samples, *rest)))  # fmt: skip
     monkeypatch.setattr(supervision, "scores", lambda trained, samples, split: (
         scored.append(split) or {"describe_accuracy": 1.0}))  # fmt: skip

@@ -13,6 +13,7 @@ from torch import nn
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, training
 from ptae_lite.baselines import linear_describe_accuracy
+from ptae_lite.data import batches
 from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate
@@ -35,13 +36,13 @@ def job(share=50, seed=0, model="ptae", mode="samples", variant="balanced"):
 @pytest.fixture
 def small(monkeypatch, small_experiments):
     """Trainings are of tiny models; keeps what each of their steps was built from."""
-    built, real = [], training.build
+    built, real = [], batches.build
 
     def build(source, samples, signals, alternative, hold, extra, told):
         built.append((samples.numpy(), signals.numpy(), told.numpy()))
         return real(source, samples, signals, alternative, hold, extra, told)
 
-    monkeypatch.setattr(training, "build", build)
+    monkeypatch.setattr(batches, "build", build)
     return built
 
 
@@ -149,7 +150,7 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
 
 def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
     """Whatever partners are drawn: what was blended is to be described, and so is its partner."""
-    seen, real = [], training.blend
+    seen, real = [], batches.blend
 
     def blend(batch, share, partner):
         made = real(batch, share, partner)
@@ -160,7 +161,7 @@ def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
         seen.extend([*own[changed], *other[changed]])
         return made
 
-    monkeypatch.setattr(training, "blend", blend)
+    monkeypatch.setattr(batches, "blend", blend)
     this = job(50)
     supervision.fit(few, this, Recipe(epochs=4, batch=8))
     assert seen and set(seen) <= set(supervision.labelled(few, this).tolist())
