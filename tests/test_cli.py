@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
@@ -204,7 +205,9 @@ def test_each_study_understands_its_own_options_and_no_other(misfit, tmp_path):
 def test_models_of_the_closed_loop_are_those_that_are_named(monkeypatch, capsys, tmp_path):
     asked = []
     monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda *_: None)
-    monkeypatch.setattr(closed_loop, "study", lambda *given, **_: asked.append(given[3]) or [])
+    monkeypatch.setattr(
+        closed_loop, "study", lambda *given, **_: asked.append(given[3]) or pd.DataFrame()
+    )
     monkeypatch.setattr("ptae_lite.experiments.episodes.keep", lambda *_: None)
     for option in ("--models", "--variants"):
         cli.main(["study", "closed-loop", option, "ptae", "--out", str(tmp_path)])

@@ -1,6 +1,7 @@
 """The study of eyes: scores, checkpoints of one training, going on, what counts as levelled off."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -333,13 +334,13 @@ def test_every_eye_gets_a_ptae_of_each_seed_where_it_has_features(work):
 
 
 @pytest.fixture
-def asked(monkeypatch):
+def asked(monkeypatch, trained):
     """Trainings and scores take no time; keeps what was trained, and on how many features."""
     kept = []
 
     def fit(one, samples, *_):
         kept.append((samples.features.shape[2], one.config.features, one.seed))
-        return type("Trained", (), {"about": {"steps": 7, "seconds": 3.4}})
+        return replace(trained, about={"steps": 7, "seconds": 3.4})
 
     def evaluate(trained, samples):
         return {"describe_accuracy": 50.12345, "width": samples.features.shape[2]}

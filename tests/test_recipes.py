@@ -17,12 +17,13 @@ from ptae_lite.training import RECIPES
 
 
 @pytest.fixture
-def asked(monkeypatch):
+def asked(monkeypatch, trained):
     """Trainings take no time; keeps what was asked of each."""
     kept = []
 
     def fit(one, *_):
         kept.append(one)
+        return trained
 
     def score(trained, samples, data, choice, seed):
         row = {"data": data, "choice": choice, "seed": seed, "describe_accuracy": 50.0 + len(kept)}
