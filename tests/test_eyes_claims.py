@@ -119,7 +119,7 @@ def test_the_separated_eye_keeps_the_colours_of_first_frames(means):
 
 def test_at_equal_presentations_the_separated_eye_leads_in_every_column(equal):
     for other in (PLAIN_10, PLAIN_30):
-        ahead = lead(equal["presentations"], [*UP, *DOWN, END], SEPARATED, other)
+        ahead = lead(equal["images seen"], [*UP, *DOWN, END], SEPARATED, other)
         assert ahead == {*UP, *DOWN, END}
 
 
@@ -293,7 +293,7 @@ def test_ptae_was_trained_three_times_with_each_eye_and_once_with_the_longest(in
 def test_at_equal_presentations_ptae_describes_worse_with_plain_eyes_but_moves_better(
     in_use, equal, text
 ):
-    rows = in_use["equal presentations"]
+    rows = in_use["equal images seen"]
     own, ten, thirty = (rows.loc[name] for name in encoders.CAES)
     words = "describe_accuracy"
     for plain in (ten, thirty):
@@ -301,7 +301,7 @@ def test_at_equal_presentations_ptae_describes_worse_with_plain_eyes_but_moves_b
     assert f"between {thirty[words].min():.0f} and {thirty[words].max():.0f} %" in text
     motion = "execute_nrmse"
     assert thirty[motion].max() < own[motion].min() and own[motion].max() < ten[motion].min()
-    assert equal["presentations"]["first_place_mm"].idxmin() == SEPARATED
+    assert equal["images seen"]["first_place_mm"].idxmin() == SEPARATED
 
 
 def test_ptae_describes_better_with_the_separated_eye(with_equal):

@@ -47,7 +47,7 @@ LONG = {  # further ones, with `long`: a day on a CPU
     "plain 30": (333_920, 667_840, 1_335_680, 2_671_360),
 }
 IN_USE = {  # the lengths of the eyes that a PTAE is trained with
-    "equal presentations": EQUAL_PRESENTATIONS,
+    "equal images seen": EQUAL_PRESENTATIONS,
     "equal compute": EQUAL_COMPUTE,
     "four times as long": {name: 4 * length for name, length in EQUAL_COMPUTE.items()},
     "eight times as long": {name: 8 * length for name, length in EQUAL_COMPUTE.items()},

@@ -10,7 +10,7 @@ from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import encoders
 
 EQUAL = {  # presentations of each eye in the two fair comparisons
-    "presentations": encoders.EQUAL_PRESENTATIONS,
+    "images seen": encoders.EQUAL_PRESENTATIONS,
     "compute": encoders.EQUAL_COMPUTE,
 }
 

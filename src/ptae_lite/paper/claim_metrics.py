@@ -230,6 +230,6 @@ def channels(tables: Tables):
     """Both colours of first frames: separated channels before one network, equal presentations."""
     if tables.eyes.empty:
         return []
-    same = encoders_table.at(tables.eyes, encoders_table.EQUAL["presentations"])
+    same = encoders_table.at(tables.eyes, encoders_table.EQUAL["images seen"])
     scores = same.pivot(index="seed", columns="eye", values="first_both")
     return scores[SEPARATED] - scores[PLAIN]
