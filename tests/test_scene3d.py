@@ -244,7 +244,7 @@ def test_a_models_answer_may_be_longer_than_the_clip(recorded):
 
 
 def test_a_sample_without_a_film_has_no_camera_view(recorded):
-    with pytest.raises(PTAEError, match="sample 1 has no stored film; .* 0, 7, 20"):
+    with pytest.raises(PTAEError, match="sample 1 has no stored video; .* 0, 7, 20"):
         scene3d.sample_scene(recorded, 1, eye=True)
 
 

@@ -80,19 +80,19 @@ def test_a_point_is_the_mean_and_a_bar_reaches_to_the_worst_and_best_seed(table)
     drawn = [end.tolist() for end in ends if np.isfinite(end).all()]
     assert drawn == [[50, 70]]  # one seed has no bar
     assert curve(error, "PTAE")[0] == {2: 9, 10: 5, 66.6: 3, 100: 2}
-    assert curve(accuracy, "weighted sums")[0] == {2: 20}
-    assert "weighted sums" not in [c.get_label() for c in error.containers]
+    assert curve(accuracy, "linear baseline")[0] == {2: 20}
+    assert "linear baseline" not in [c.get_label() for c in error.containers]
     by_iterations = supervision_plots.by_share(table).axes[
         0
     ]  # where the table has no sums of all labels
-    assert "weighted sums" not in [line.get_label() for line in by_iterations.lines]
+    assert "linear baseline" not in [line.get_label() for line in by_iterations.lines]
     assert set(points(accuracy, "chance").values()) == {CHANCE}
 
 
 def test_by_iterations_the_sums_have_all_labels(table):
     sums = table[(table["model"] == "linear")].head(1).assign(share=100, describe_accuracy=97.5)
     axis = supervision_plots.by_share(pd.concat([table, sums], ignore_index=True)).axes[0]
-    assert set(points(axis, "weighted sums").values()) == {97.5}
+    assert set(points(axis, "linear baseline").values()) == {97.5}
 
 
 def test_the_papers_numbers_stand_beside_ours(table):

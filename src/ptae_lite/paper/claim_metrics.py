@@ -20,7 +20,7 @@ from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT
 from ptae_lite.experiments.supervision import REGULAR
 from ptae_lite.paper import reported
 
-TINY = 2  # percent: with so few labels a longer training is asked, too
+TINY = 2  # percent: with so few labels a longer training counts as well
 MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours may be so much worse than a number and keep to it
 SEPARATED, PLAIN = "separated 3x10", "plain 10"
 IN_WORDS = "in words"  # what stands in place of the paper's number where it has none
@@ -227,7 +227,7 @@ def fall(model: str, column: str, mode: str, before: float, share: float):
 
 
 def channels(tables: Tables):
-    """Both colours of first frames: separated channels before one network, equal presentations."""
+    """Both colours of first frames: separated channels before one network, equally many images."""
     if tables.eyes.empty:
         return []
     same = encoders_table.at(tables.eyes, encoders_table.EQUAL["images seen"])

@@ -118,7 +118,11 @@ CLAIMS = [
         )
         for claim, says, caveat in (
             ("repeat both does not help PTAE", "Repeat both does not help PTAE", ""),
-            ("word weights are unnecessary for PTAE", "Word weights are unnecessary for PTAE", ""),
+            (
+                "word weights are unnecessary for PTAE",
+                "Class-weighted words are unnecessary for PTAE",
+                "",
+            ),
             (
                 "LSTM encoders change nothing",
                 "LSTM or BERT encoders make no significant difference",
@@ -185,7 +189,7 @@ CLAIMS = [
         "points",
         CONFLICT,
         REASON,
-        caveat="Most of the gap is the speed, which only the padding of a clip tells.",
+        caveat="Most of the gap is the speed, which only the padding of a clip gives.",
     ),
     Claim(
         "Conflict",

@@ -40,7 +40,8 @@ def error_against_success(rates: pd.DataFrame, scores: pd.DataFrame) -> Figure:
     figure, axis = plt.subplots(figsize=(6.2, 3.2))
     marks = "osD^vPX"
     for (model, rows), mark in zip(both.groupby("model", sort=False), marks, strict=False):
-        axis.plot(rows["execute_nrmse"], rows["success"], mark, label=model, markersize=7)
+        axis.plot(rows["execute_nrmse"], rows["success"], mark, label=model.replace("_", " "),
+                  markersize=7)  # fmt: skip
     axis.set(xlabel="execute NRMSE as in chapter 03, %", ylabel="success in the loop, %",
              xlim=(0, None), ylim=(-3, 104))  # fmt: skip
     figure.legend(loc="outside right center", fontsize=8)
@@ -70,7 +71,7 @@ def ways(table: pd.DataFrame) -> Figure:
 
 
 def strips(path=None) -> Figure:
-    """Film strips of episodes, a row each, with what was told and what came of it."""
+    """Film strips of episodes, a row each, with the instruction and what came of it."""
     with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
         films, texts = file["films"], file["texts"].tolist()
     # by hand: the automatic layout would make the first column as wide as the lines over it

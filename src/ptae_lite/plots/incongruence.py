@@ -1,6 +1,6 @@
-"""Figures of incongruence: the four signals by the number of conflicts, and who is followed.
+"""Figures of incongruence: the four signals by the number of conflicts, and what answers follow.
 
-All are drawn from the table of `experiments.incongruence_table`; no model is asked here.
+All are drawn from the table of `experiments.incongruence_table`; no model runs here.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def compared(table: pd.DataFrame) -> Figure:
 
 
 def followed(table: pd.DataFrame) -> Figure:
-    """Whom one model's answers follow, a stack for each condition; means of choices and seeds."""
+    """What one model's answers follow, a stack for each condition; means of choices and seeds."""
     rows = {signal: _conditions(signal) for signal in SHOWN}
     heights = [max(len(rows[s]) for s in SHOWN[:2]), max(len(rows[s]) for s in SHOWN[2:])]
     figure, axes = plt.subplots(

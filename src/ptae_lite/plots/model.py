@@ -41,7 +41,7 @@ FAMILY = {
     "PTAE": (
         [(1, 1, "query", WORDS), (1, 0, "keys,\nvalues", CLIP), (2, 0.5, "attention", SHARED)],
         [*_STRAIGHT, ((1, 1), (2, 0.5)), ((1, 0), (2, 0.5)), *_TO_DECODERS],
-        "Words ask, frames answer: attention in place of the gates and of two LSTMs.",
+        "Words are queries, frames keys: attention in place of the gates and of two LSTMs.",
     ),
 }
 
@@ -99,7 +99,7 @@ def family() -> Figure:
     figure, axes = plt.subplots(2, 2, figsize=(9.5, 5.2))
     for axis, (name, (boxes, arrows, sentence)) in zip(axes.flat, FAMILY.items(), strict=True):
         signal = "\n+ signal" if name in ("PGAE", "PTAE") else ""
-        ends = [(0, 1, f"words{signal}", WORDS), (0, 0, "film,\njoints", CLIP),
+        ends = [(0, 1, f"words{signal}", WORDS), (0, 0, "video,\njoints", CLIP),
                 (3, 1, "LSTM to\nwords", WORDS), (3, 0, "LSTM to\njoints", CLIP)]  # fmt: skip
         for start, end in arrows:
             axis.annotate("", end, start, arrowprops={

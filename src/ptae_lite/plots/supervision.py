@@ -21,7 +21,7 @@ LOOKS = {  # colour, dash, mark; and of the paper's points
     "pvae": (style.GREEN, "-.", "D"),
     "linear": (style.PURPLE, ":", "v"),
 }
-NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "weighted sums"}
+NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear baseline"}
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
 MAIN = {"samples": ("balanced", "random"), "iterations": ("paper",)}  # variants in the figures
@@ -56,7 +56,7 @@ def by_share(table: pd.DataFrame) -> Figure:
 def by_presentations(table: pd.DataFrame) -> Figure:
     """Describe accuracy of PTAE over how often a label was shown; a mark a training.
 
-    Numbers are the shares in percent. Variants of what is labelled or told are left out.
+    Numbers are the shares in percent. Variants of what is labelled or shown are left out.
     """
     mine = table[(table["model"] == "ptae") & ~table["variant"].isin(["covering", "unpaired"])]
     regular = mine["share"] == mine["mode"].map(REGULAR)
@@ -95,7 +95,7 @@ def draw_measure(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> Non
         if paper:
             axis.plot(list(paper), [claim.value for claim in paper.values()], "^", color=colour,
                       fillstyle="none", label=f"{NAMES[model]} in the paper's text")  # fmt: skip
-    if mode == "iterations":  # where every sample has a label, the sums have them all
+    if mode == "iterations":  # where every sample has a label, the baseline has them all
         sums = rows_of(table, "linear", "samples")
         sums = sums[sums["share"] == REGULAR["samples"]][column].mean()
         if pd.notna(sums):

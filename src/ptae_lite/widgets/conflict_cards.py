@@ -1,8 +1,8 @@
 """One clip under conflict to choose from: what the model is given, and what it makes of it.
 
 A card is HTML: the words and the film strips with the conflicting parts marked, the answer beside
-truth and distractor, and for motions both arms in one 3-D scene. Nothing is told by colour alone: a
-conflicting part has the sign ≠ and a double line.
+truth and distractor, and for motions both arms in one 3-D scene. Nothing is shown by colour alone:
+a conflicting part has the sign ≠ and a double line.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class Card:
         return f"<p>Instead: {what}: {shown}.</p>{self._strip(seen, False, seen is not own)}"
 
     def _answer(self) -> str:
-        """Truth, distractor and answer, and who is followed."""
+        """Truth, distractor and answer, and which input it follows."""
         signal, place, aspects = self.condition
         index, row = self.stories.index, self.row
         extra = row.sentence if EXTRA_INPUT[signal] == "language" else row.clip
@@ -141,7 +141,7 @@ class Card:
         return f'<table style="margin:1em 0">{cells}</table>'
 
     def _shares(self) -> str:
-        """The score of all test clips under the condition, and whom their answers follow."""
+        """The score of all test clips under the condition, and which input their answers follow."""
         signal, place, aspects = self.condition
         rows = self.table[
             (self.table["signal"] == signal) & (self.table["conflict_in"] == place)

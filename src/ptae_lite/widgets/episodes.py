@@ -32,7 +32,7 @@ def verdict_text(kept: Kept) -> str:
     went = f"went {verdict.named_mm:.0f} mm {WAY[meaning.action]}"
     moved = f"moved {verdict.other_mm:.0f} mm"
     return (
-        f"{'Done as told' if verdict.success else 'NOT done: ' + verdict.reason}. The "
+        f"{'Done as the sentence says' if verdict.success else 'NOT done: ' + verdict.reason}. The "
         f"{meaning.colour} cube ({side}) {'fell off the table' if fell[named] else went}, "
         f"the other one {'fell off the table' if fell[1 - named] else moved}; {pace}."
     )
@@ -65,7 +65,7 @@ def panel(kept: list[Kept]) -> Panel:
         lambda **values: Shown(find(**values)),
         {"cubes": scenes, "action": ACTIONS, "which": ("the left one", "the right one"),
          "speed": SPEEDS},
-        "Told and done",
+        "Sentence and episode",
         describe=lambda **values: verdict_text(find(**values)),
     )  # fmt: skip
 

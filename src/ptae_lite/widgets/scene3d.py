@@ -55,7 +55,7 @@ def sample_scene(
 
     `ghost_joints_rad` may be longer than the clip, as a model's answers are; where it begins with
     the second frame, as they do, put the sample's first pose before it. `eye` shows beside the
-    scene what the camera saw, for samples whose film is stored (`frames.film_patterns`).
+    scene what the camera saw, for samples whose video is stored (`frames.film_patterns`).
     """
     key = (int(samples.pattern[index]), int(samples.variation[index]))
     shown, count = pattern(key[0]), int(samples.frames[index])
@@ -64,7 +64,7 @@ def sample_scene(
         stored = [t for *sample, t in frames.stored_keys() if tuple(sample) == key]
         if len(stored) < 3:
             raise PTAEError(
-                f"sample {index} has no stored film; of these patterns the first variation has: "
+                f"sample {index} has no stored video; of these patterns the first variation has: "
                 f"{', '.join(map(str, frames.film_patterns()))}"
             )
         seen = {t: frames.frame(*key, t) for t in stored}

@@ -1,4 +1,4 @@
-"""The arm at work, by what it is told: one recorded sample of each of the 12 actions."""
+"""The arm at work, by its instruction: one recorded sample of each of the 12 actions."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ptae_lite.widgets.viewer import Viewer
 
 
 def film_sample(samples: Samples, action: str, side: str, speed: str) -> int:
-    """The sample of an action whose film is stored."""
+    """The sample of an action whose video is stored."""
     for index in frames.film_patterns():
         one = pattern(index)
         if (one.action, one.side, one.speed) == (action, side, speed):
             return int(((samples.pattern == index) & (samples.variation == 0)).argmax())
-    raise ValueError(f"no film of {action} {side} {speed}")
+    raise ValueError(f"no video of {action} {side} {speed}")
 
 
 def scene(samples: Samples, action: str, side: str, speed: str) -> Viewer:

@@ -99,7 +99,7 @@ def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) 
             trained = fit(samples, job, replace(RECIPES[model], epochs=epochs), progress=told)
         except ConfigError as error:
             return str(error)
-        tell("trained; now it is asked about the test clips")
+        tell("trained; now it is scored on the test clips")
         live = pd.DataFrame([scores(trained, samples)]), examples(trained, samples)
         steps, shown = (trained.about[n] for n in ("steps", "supervised_presentations"))
         tell(f"trained: {steps} steps, {shown} samples shown with their label")
