@@ -78,7 +78,7 @@ def _group_means(samples, indices, known, aspects):
 
 
 def linear_describe(samples: Samples, labelled, indices) -> list[Meaning]:
-    """What a weighted sum says of each clip, taught by the `labelled` samples alone.
+    """What the linear baseline says of each clip, taught by the `labelled` samples alone.
 
     It sees the clip's length, the features of the first and the last frame, and the joints at five
     moments; nothing else is given. It reads action, speed and side each by ridge regression, and

@@ -1,4 +1,4 @@
-"""Which samples get a label, and what a weighted sum learns from the same labels."""
+"""Which samples get a label, and what the linear baseline learns from them."""
 
 from __future__ import annotations
 
