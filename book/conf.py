@@ -74,7 +74,7 @@ html_theme_options = {
     "show_toc_level": 2,
     "navbar_persistent": [],  # its search field stands in the sidebar already
 }
-if artefacts.DATA != artefacts.ROOT / "data":  # of a full re-run
+if artefacts.data_folder() != artefacts.ROOT / "data":  # of a full re-run
     html_theme_options["announcement"] = (
         "Built from a re-run. Its report.md says which numbers it made; the others are the stored."
     )
