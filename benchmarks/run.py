@@ -71,7 +71,10 @@ def cae(options) -> list[Row]:
     from ptae_lite.data import frames
 
     row, times = Row("training the channel-separated CAE, 2 threads", 12), []
-    recipe, train = vision.EyeRecipe(), partial(vision.train_eye, vision.make_eye("separated"))
+    recipe, train = (
+        vision.AutoencoderRecipe(),
+        partial(vision.train_autoencoder, vision.make_autoencoder("separated")),
+    )
     if options.full:
         images = frames.training_images(options.data)
         row.value = clocked(partial(train, images, recipe)) / 60
@@ -83,16 +86,16 @@ def cae(options) -> list[Row]:
 
 
 def cae_step(options) -> list[Row]:
-    """A step of `EyeTraining` against one with the readable loss and channels first in memory."""
+    """A step of `AutoencoderTrainer` against one with the readable loss and channels first in memory."""
     import torch
     from torch.nn import functional
 
     from ptae_lite import vision
 
     images, rows = stored_images(ENCODED), []
-    for kind in vision.EYES:
-        fast = vision.EyeTraining(vision.make_eye(kind), vision.EyeRecipe())
-        slow = vision.make_eye(kind)
+    for kind in vision.ENCODERS:
+        fast = vision.AutoencoderTrainer(vision.make_autoencoder(kind), vision.AutoencoderRecipe())
+        slow = vision.make_autoencoder(kind)
         optimiser = torch.optim.Adam(slow.parameters(), lr=fast.recipe.learning_rate)
 
         def readable(slow=slow, optimiser=optimiser, batch=fast.recipe.batch):
@@ -118,13 +121,16 @@ def features(options) -> list[Row]:
     from ptae_lite import artefacts, vision
     from ptae_lite.robot.recorder import load_sequence, samples_in_order
 
-    row, eye = Row("features of all frames, 2 threads", 3), vision.make_eye("separated").eval()
+    row, encoder = (
+        Row("features of all frames, 2 threads", 3),
+        vision.make_autoencoder("separated").eval(),
+    )
     if options.full:
-        eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+        encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
         read = (load_sequence(options.data, *sample).images for sample in samples_in_order())
-        row.value = clocked(lambda: [vision.encode_images(eye, images) for images in read]) / 60
+        row.value = clocked(lambda: [vision.encode_images(encoder, images) for images in read]) / 60
         return [row]
-    job = partial(vision.encode_images, eye, stored_images(ENCODED))
+    job = partial(vision.encode_images, encoder, stored_images(ENCODED))
     job()  # warms up
     seconds = [clocked(job) / ENCODED for _ in range(REPEATS)]
     how = f"{REPEATS} x {ENCODED} frames, without reading them"

@@ -58,7 +58,7 @@ def steps(options) -> list[Row]:
         optimiser = torch.optim.Adam(model.parameters(), lr=1e-4, fused=True)
 
         def quick(batch, model=model):
-            return model.costs(batch)
+            return model.loss(batch)
 
         def plain(batch, model=model):
             return losses(model(batch), batch, model.word_weights)
@@ -104,7 +104,7 @@ def describing(options) -> list[Row]:
         answer = respond(trained, Source(trained.dataset(samples)), held_out, "describe")
         return bool(correct(answer, samples, held_out).all())
 
-    def look(epoch, trained):
+    def weight_ih(epoch, trained):
         if epoch % 2 == 0:
             begun = time.perf_counter()
             done = all_right(trained)
@@ -114,7 +114,7 @@ def describing(options) -> list[Row]:
 
     row, begun = Row("PTAE describes all held-out samples after", 60, "s"), time.perf_counter()
     try:
-        training.train(samples, recipe, split="fit", on_epoch=look)
+        training.train(samples, recipe, split="fit", on_epoch=weight_ih)
         row.how = f"not reached in {SHORT_EPOCHS} epochs"
     except Reached as reached:
         row.value = time.perf_counter() - begun - sum(looking)

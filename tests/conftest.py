@@ -65,7 +65,7 @@ def samples():
         frames=frames,
         pattern=pattern,
         variation=np.tile(np.arange(6), 144),
-        eye=EYE,
+        encoder=EYE,
     )
 
 

@@ -140,11 +140,11 @@ def recorded(**changes):
 def write(data):
     """Put a recording of two samples into the data folder: features and eye agree, or not."""
 
-    def put(arrays=None, features=150, eye=b"eye"):
+    def put(arrays=None, features=150, encoder=b"encoder"):
         (data / "recording").mkdir(exist_ok=True)
         (data / "weights").mkdir(exist_ok=True)
-        (data / EYE_FILE).write_bytes(b"eye")
-        (data / "another eye").write_bytes(eye)
+        (data / EYE_FILE).write_bytes(b"encoder")
+        (data / "another eye").write_bytes(encoder)
         np.savez(data / "recording/samples.npz", **(arrays or recorded()))
         write_features(
             data / "recording/features.npz", np.ones((features, 30)), data / "another eye"
@@ -162,12 +162,12 @@ def test_stored_samples_are_padded_to_100_frames(write):
     assert samples.joints[0, :, 0].tolist() == list(range(100))
     assert samples.joints[1, :, 4].tolist() == [*range(100, 150), *[0] * 50]
     assert samples.features[1].sum() == 50 * 30
-    assert samples.eye == hashlib.sha256(b"eye").hexdigest()
+    assert samples.encoder == hashlib.sha256(b"encoder").hexdigest()
 
 
 def test_features_of_another_eye_are_refused(write):
-    write(eye=b"another")
-    other, ours = (hashlib.sha256(x).hexdigest()[:12] for x in (b"another", b"eye"))
+    write(encoder=b"another")
+    other, ours = (hashlib.sha256(x).hexdigest()[:12] for x in (b"another", b"encoder"))
     with pytest.raises(ArtefactError, match=f"made by the CAE {other}, the stored CAE is {ours}"):
         load_samples()
 
@@ -195,7 +195,7 @@ def test_a_recording_without_one_of_its_arrays_is_refused(write, data, name):
     arrays.pop(name, None)
     write(arrays=arrays)
     if name == "features":
-        np.savez(data / "recording/features.npz", eye="e")
+        np.savez(data / "recording/features.npz", encoder="e")
         artefacts.register("recording/features.npz", command=COMMAND, seed=0, minutes=0, data=data)
     with pytest.raises(RecordingError, match=f"no array '{name}', so it is no recording of ours"):
         load_samples()
@@ -236,7 +236,7 @@ def test_a_folder_with_a_damaged_file_is_refused(tmp_path, content):
     about = {"format": "ptae-lite recording 1", "fingerprint": "0"}
     (tmp_path / "recording.json").write_text(json.dumps(about))
     (tmp_path / "samples.npz").write_bytes(content)
-    np.savez(tmp_path / "features.npz", features=np.ones((1, 30)), eye="e")
+    np.savez(tmp_path / "features.npz", features=np.ones((1, 30)), encoder="e")
     with pytest.raises(PTAEError, match="samples.npz is damaged"):
         load_samples(tmp_path)
 

@@ -135,7 +135,7 @@ def test_the_whole_folder_is_read_in_the_order_of_our_recording(whole):
         features = samples.features[i, : p.frames]
         np.testing.assert_allclose(features, features_of(p, variation), atol=1e-5)
         assert not samples.joints[i, p.frames :].any() and not samples.features[i, p.frames :].any()
-    assert samples.eye == "authors"
+    assert samples.encoder == "authors"
     assert samples.cubes is samples.touched is samples.holdout is None
 
 
@@ -373,7 +373,7 @@ def test_train_and_evaluate_on_the_whole_folder(command, whole, tmp_path):
     scores = command("evaluate", path, "--data", whole)
     assert scores["execute_nrmse_valid"] > 0 and "test_part" not in scores
     about = checkpoint.load(path).about
-    assert (about["eye"], about["holdout"]) == ("authors", None)
+    assert (about["encoder"], about["holdout"]) == ("authors", None)
 
 
 def test_train_and_evaluate_on_the_training_part(command, training_part, tmp_path):

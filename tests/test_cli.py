@@ -137,8 +137,8 @@ def test_recording_tells_how_much_it_did(result, tmp_path, monkeypatch):
 
 
 def test_features_are_written_with_the_hash_of_their_eye(result, tmp_path, monkeypatch):
-    eye, eye_file = vision.PlainCAE(4), tmp_path / "eye.safetensors"
-    vision.save_eye(eye_file, eye, vision.EyeRecipe())
+    encoder, encoder_file = vision.PlainCAE(4), tmp_path / "eye.safetensors"
+    vision.save_autoencoder(encoder_file, encoder, vision.AutoencoderRecipe())
     images = np.random.default_rng(0).integers(0, 256, (50, 120, 160, 3), np.uint8)
     recording = tmp_path / "recording"
     recording.mkdir()
@@ -151,11 +151,11 @@ def test_features_are_written_with_the_hash_of_their_eye(result, tmp_path, monke
         touched=np.zeros((50, 2), bool), seed=432,
     )  # fmt: skip
     monkeypatch.setattr(recorder, "samples_in_order", lambda: [(72, 0)])
-    found = result("features", "--data", recording, "--eye", eye_file, "--threads", 1)
+    found = result("features", "--data", recording, "--encoder", encoder_file, "--threads", 1)
     assert found["frames"] == 50
     with np.load(found["features"]) as file:
-        assert str(file["eye"]) == artefacts.sha256(eye_file)
-        wanted = vision.encode_images(eye, images)
+        assert str(file["encoder"]) == artefacts.sha256(encoder_file)
+        wanted = vision.encode_images(encoder, images)
         np.testing.assert_allclose(file["features"], wanted, rtol=1e-3, atol=1e-4)
 
 
@@ -182,7 +182,7 @@ def test_weights_have_a_place_where_none_is_named(
     assert checkpoint.load(made["weights"]).about["kind"] == "pgae"
 
 
-@pytest.mark.parametrize("name", ["eyes", "eyes-ptae", "closed-loop"])
+@pytest.mark.parametrize("name", ["encoders", "encoders-in-use", "closed-loop"])
 def test_a_study_of_our_recording_alone_takes_no_other_data(misfit, tmp_path, name):
     for option in (("--data", "authors"), ("--holdout", "18")):
         message = misfit("study", name, *option, "--out", tmp_path / "new")
@@ -192,7 +192,7 @@ def test_a_study_of_our_recording_alone_takes_no_other_data(misfit, tmp_path, na
 
 
 def test_each_study_understands_its_own_options_and_no_other(misfit, tmp_path):
-    for option in ("--shares", "--modes", "--eyes"):
+    for option in ("--shares", "--modes", "--encoders"):
         message = misfit("study", "closed-loop", option, "2", "--out", tmp_path / "new")
         assert f"study closed-loop does not understand {option} 2; " in message
     for name in STUDIES:
@@ -228,21 +228,21 @@ def test_a_labelled_share_is_drawn_from_the_split(
 def test_an_eye_is_trained_by_steps(result, tmp_path, monkeypatch, model):
     images = np.random.default_rng(0).integers(0, 256, (4, 120, 160, 3), np.uint8)
     monkeypatch.setattr(frames, "training_images", lambda folder: images)
-    monkeypatch.setattr(vision.EyeRecipe, "batch", 2)
+    monkeypatch.setattr(vision.AutoencoderRecipe, "batch", 2)
     path = tmp_path / "eye.safetensors"
     small = [
         "--steps", 2, "--code", 3, "--out", path, "--threads", 1, "--data", tmp_path
     ]  # fmt: skip
     assert result("train", model, *small)["loss"] > 0
-    eye = vision.load_eye(path)
-    assert (eye.kind, eye.code) == ("separated" if model == "cae" else "plain", 3)
+    encoder = vision.load_autoencoder(path)
+    assert (encoder.kind, encoder.code) == ("separated" if model == "cae" else "plain", 3)
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["evaluate", "none.safetensors"], "none.safetensors is missing; train a model with"),
-        (["features", "--data", "none", "--eye", "none.st"], "none.st is missing"),
+        (["features", "--data", "none", "--encoder", "none.st"], "none.st is missing"),
         (["train", "ptae", "--data", "none", "--out", "w"], "none is not a recording"),
         (["train", "cae", "--data", "none", "--out", "w"], "none is not a recording"),
         (["train", "cae", "--epochs", "3", "--out", "w"], "trained by --steps, not by --epochs"),

@@ -100,23 +100,23 @@ def test_only_a_ptae_with_its_own_kind_of_eye_can_act(simulator, trained):
 
     other = replace(trained, model=PVAE(PVAEConfig(features=6, code=8, units=10)))
     with pytest.raises(ConfigError, match="only a PTAE can act in the loop, and this is a PVAE"):
-        Actor(other, vision.make_eye("separated", 2), "push red slowly")
-    who = Actor(trained, vision.make_eye("separated", 3).eval(), "push red slowly")
+        Actor(other, vision.make_autoencoder("separated", 2), "push red slowly")
+    who = Actor(trained, vision.make_autoencoder("separated", 3).eval(), "push red slowly")
     with pytest.raises(ConfigError, match="makes 9 features of an image.* trained on 6"):
         closed_loop.perform(closed_loop.stage_of(pattern(0), 0), who)
 
 
-def actor(trained, text, films=None):
+def actor(trained, text, videos=None):
     """An actor, or one whose camera is swapped for stored pictures."""
     from ptae_lite import vision
     from ptae_lite.acting import Actor
 
-    eye = vision.make_eye("separated", 2)
-    who = Actor(trained, eye.eval(), text)
-    if films is None:
+    encoder = vision.make_autoencoder("separated", 2)
+    who = Actor(trained, encoder.eval(), text)
+    if videos is None:
         return who
-    film = iter(films)
-    return lambda look, joints: who(lambda: next(film), joints)
+    video = iter(videos)
+    return lambda look, joints: who(lambda: next(video), joints)
 
 
 def test_the_camera_steers_the_arm(simulator, trained):
@@ -131,7 +131,7 @@ def test_the_camera_steers_the_arm(simulator, trained):
         return closed_loop.perform(stage, actor(trained, text, **camera), limit=12).joints_rad
 
     assert (path() == path()).all()
-    assert np.abs(path() - path(films=stored)).max() > 1e-4
+    assert np.abs(path() - path(videos=stored)).max() > 1e-4
 
 
 def test_the_sentence_steers_the_arm(simulator, trained):

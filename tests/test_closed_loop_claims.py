@@ -35,7 +35,10 @@ def in_time(rows):
 def test_replayed_joints_are_the_upper_bound_and_a_model_told_nothing_the_lower(table, rates):
     replay = table[table["condition"] == "replay"]
     assert len(replay) == 216 and replay["success"].all()
-    assert rates["blank", "blind"].median() < 5 and rates["blank", "blind"].max() < 15
+    assert (
+        rates["blank", "one_look_policy"].median() < 5
+        and rates["blank", "one_look_policy"].max() < 15
+    )
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +54,7 @@ def test_every_model_was_trained_three_times_and_acted_in_all_test_scenes(table,
 
 
 def test_the_blind_model_reaches_the_aim_in_the_median_and_with_all_seeds_but_one(rates):
-    own = rates["test", "blind"]
+    own = rates["test", "one_look_policy"]
     assert 97 < own.median() < 98 and own[0] > 99 and own[1] > 95
     assert round(own[2]) == 91
 
@@ -60,8 +63,8 @@ def test_the_papers_ptae_fails_most_though_its_error_is_the_smallest(table, rate
     middle, done = error.groupby("model").median(), rates["test"].groupby("model")
     assert middle.idxmin() == "ptae" == done.max().idxmin() == error.idxmin()[0]
     assert done.min()["ptae"] > 12 and done.max()["ptae"] < 16
-    assert 1.5 < middle["blind"] / middle["ptae"] < 2
-    watching = ["noise", "open eyes", "ptae"]
+    assert 1.5 < middle["one_look_policy"] / middle["ptae"] < 2
+    watching = ["noise", "watching_policy", "ptae"]
     assert sorted(set(error[error < 2].index.get_level_values("model"))) == watching
     assert error[watching].max() < 2 and done.max()[watching].max() < 50
     assert of(table, "ptae").query("success == 0")["reason"].mode()[0] == "the other cube was moved"
@@ -74,32 +77,34 @@ def test_the_papers_ptae_does_no_fast_task(table):
 
 
 def test_the_swapped_speed_word_is_obeyed(table):
-    rows = of(table, "blind", "swapped_speed")
+    rows = of(table, "one_look_policy", "swapped_speed")
     assert in_time(rows).mean() > 0.99
 
 
 def test_what_fails_with_the_first_frame_is_mostly_the_speed(table):
-    failed = of(table, "first frame").query("success == 0")
+    failed = of(table, "ptae_first_frame").query("success == 0")
     assert failed["reason"].value_counts(normalize=True)["the wrong speed"] > 0.5
 
 
 def test_with_the_first_frame_alone_the_error_ranks_trainings_and_not_models(rates, error):
-    for model in ("first frame", "no padding", "blind"):
+    for model in ("ptae_first_frame", "ptae_no_padding", "one_look_policy"):
         by_error = rates["test", model][error[model].sort_values().index]
         assert by_error.is_monotonic_decreasing
-    worst, best = error["no padding"].idxmax(), error["first frame"].idxmin()
-    assert round(error["no padding"][worst]) == 5 and round(error["first frame"][best]) == 3
-    assert rates["test", "no padding"][worst] > 1.5 * rates["test", "first frame"].max()
+    worst, best = error["ptae_no_padding"].idxmax(), error["ptae_first_frame"].idxmin()
+    assert (
+        round(error["ptae_no_padding"][worst]) == 5 and round(error["ptae_first_frame"][best]) == 3
+    )
+    assert rates["test", "ptae_no_padding"][worst] > 1.5 * rates["test", "ptae_first_frame"].max()
 
 
 def test_without_padding_the_speed_is_heard(table, rates):
-    assert (rates["test", "no padding"] > rates["test", "first frame"] + 30).all()
-    for model in ("no padding", "blind"):
+    assert (rates["test", "ptae_no_padding"] > rates["test", "ptae_first_frame"] + 30).all()
+    for model in ("ptae_no_padding", "one_look_policy"):
         assert in_time(of(table, model)).all()
 
 
 def test_all_kinds_of_tasks_but_cyan_succeed_in_nine_of_ten(table):
-    own = of(table, "blind")
+    own = of(table, "one_look_policy")
     colour = own["sentence"].map(lambda text: parse(text).colour)
     kinds = [own.groupby(kind)["success"].mean() for kind in ("action", "side", "speed", colour)]
     shares = pd.concat(kinds)
@@ -113,20 +118,20 @@ def test_all_kinds_of_tasks_but_cyan_succeed_in_nine_of_ten(table):
 
 def test_new_families_are_confused_and_displaced_cubes_missed(table, rates):
     for condition in ("displaced", "new_family"):
-        assert rates[condition, "blind"].median() < rates["test", "blind"].min()
-    new = of(table, "blind", "new_family").query("success == 0")["reason"].value_counts()
+        assert rates[condition, "one_look_policy"].median() < rates["test", "one_look_policy"].min()
+    new = of(table, "one_look_policy", "new_family").query("success == 0")["reason"].value_counts()
     assert new.to_dict() == {
         "the other cube was moved": 31, "the cube went too little that way": 7,
     }  # fmt: skip
-    fell = of(table, "blind", "displaced")["reason"] == "the cube fell off the table"
+    fell = of(table, "one_look_policy", "displaced")["reason"] == "the cube fell off the table"
     assert fell.sum() == 1
     done = table[table["success"] == 1]
     assert done[["left_mm", "right_mm"]].max(axis=1).max() < 400
-    assert rates["synonyms", "blind"].median() > 95
+    assert rates["synonyms", "one_look_policy"].median() > 95
 
 
 def test_the_third_scene_of_the_panel_is_the_pair_that_fails_most(table):
-    new = of(table, "blind", "new_family")
+    new = of(table, "one_look_policy", "new_family")
     pair = new["colours"].map(lambda text: " ".join(sorted(text.split())))
     assert new.groupby(pair)["success"].mean().idxmin() == "green yellow"
     third = [one.verdict.success for one in episodes.load() if "yellow" in one.stage.colours]
@@ -135,10 +140,10 @@ def test_the_third_scene_of_the_panel_is_the_pair_that_fails_most(table):
 
 def test_each_film_strip_is_an_episode_of_the_table(table):
     with np.load(artefacts.stored(f"results/{episodes.STRIPS}"), allow_pickle=False) as file:
-        texts, films = file["texts"].tolist(), file["films"]
+        texts, videos = file["texts"].tolist(), file["videos"]
     there = table[table["condition"] == "test"]
     there = set(there["model"] + ": " + there["sentence"] + " (" + there["reason"] + ")")
-    assert len(texts) == len(films) == 6 and set(texts) <= there
+    assert len(texts) == len(videos) == 6 and set(texts) <= there
     assert ["(done)" in text for text in texts] == [True] * 3 + [False] * 3
 
 
@@ -149,24 +154,24 @@ def test_a_cube_is_moved_when_the_named_one_is_not_there(table):
 
 
 def test_own_films_open_the_eyes_and_noise_does_not(table, rates):
-    opened, noise, own = (rates["test", m] for m in ("open eyes", "noise", "aggregated"))
+    opened, noise, own = (rates["test", m] for m in ("watching_policy", "noise", "dagger"))
     assert opened.max() < 50 and own.min() > 86 and (own > 2 * opened).all()
     assert opened.min() < noise.median() < opened.max() and noise.max() < 50
-    assert rates["displaced", "noise"].max() < rates["displaced", "open eyes"].max()
-    assert (rates["displaced", "aggregated"] > 2 * rates["displaced", "open eyes"]).all()
-    failed = of(table, "open eyes").query("success == 0")["reason"]
+    assert rates["displaced", "noise"].max() < rates["displaced", "watching_policy"].max()
+    assert (rates["displaced", "dagger"] > 2 * rates["displaced", "watching_policy"]).all()
+    failed = of(table, "watching_policy").query("success == 0")["reason"]
     assert not (failed == "the wrong speed").any()
 
 
 def test_opened_eyes_do_not_beat_one_look(rates):
-    ahead = rates["test", "aggregated"] - rates["test", "blind"]
+    ahead = rates["test", "dagger"] - rates["test", "one_look_policy"]
     assert ahead[0] == 0 and (ahead[[1, 2]] < 0).all()
-    own, blind = rates["displaced", "aggregated"], rates["displaced", "blind"]
+    own, blind = rates["displaced", "dagger"], rates["displaced", "one_look_policy"]
     assert (own > blind).tolist() == [True, False, True] and own.median() < blind.median()
 
 
 def test_what_aggregated_fails_in_sits_in_a_few_patterns(table):
-    rows = of(table, "aggregated")
+    rows = of(table, "dagger")
     failed = rows[rows["success"] == 0]
     counts = failed.groupby(["seed", "reason"]).size()
     little, other = "the cube went too little that way", "the other cube was moved"
@@ -183,15 +188,18 @@ def test_what_aggregated_fails_in_sits_in_a_few_patterns(table):
 
 def test_the_reminder_helps_with_each_seed(table, rates, error):
     for condition in ("test", "displaced"):
-        without, reminded = rates[condition, "no padding"], rates[condition, "blind"]
-        assert (reminded > without).all()
-        assert reminded.max() - reminded.min() < without.max() - without.min()
+        without, condition_on_code = (
+            rates[condition, "ptae_no_padding"],
+            rates[condition, "one_look_policy"],
+        )
+        assert (condition_on_code > without).all()
+        assert condition_on_code.max() - condition_on_code.min() < without.max() - without.min()
     spread = error.groupby("model").agg(["min", "max"])
-    assert spread.loc["no padding", "max"] / spread.loc["no padding", "min"] > 1.5
-    assert spread.loc["blind", "max"] / spread.loc["blind", "min"] < 1.3
-    assert (error["blind"] < error["no padding"]).all()
-    worst = rates["test", "no padding"].idxmin()
-    rows = of(table, "no padding").query(f"seed == {worst} and success == 0")
+    assert spread.loc["ptae_no_padding", "max"] / spread.loc["ptae_no_padding", "min"] > 1.5
+    assert spread.loc["one_look_policy", "max"] / spread.loc["one_look_policy", "min"] < 1.3
+    assert (error["one_look_policy"] < error["ptae_no_padding"]).all()
+    worst = rates["test", "ptae_no_padding"].idxmin()
+    rows = of(table, "ptae_no_padding").query(f"seed == {worst} and success == 0")
     assert rows["reason"].mode()[0] == "the other cube was moved"
 
 

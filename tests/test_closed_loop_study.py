@@ -43,19 +43,19 @@ def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_p
         other = family.experiment_of(recorded, "recording", variant, 2)
         assert own == other and (own.hash, own.file) == (other.hash, other.file)
     assert own.file == "ptae_first_frame_only_seed2.safetensors"
-    own = study.experiment_of(recorded, "open eyes", 0)
+    own = study.experiment_of(recorded, "watching_policy", 0)
     assert own.file == "ptae_open_eyes_seed0.safetensors"
-    assert study.experiment_of(recorded, "aggregated", 0).base == own
+    assert study.experiment_of(recorded, "dagger", 0).base == own
 
 
 def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded, tmp_path):
-    models, conditions = ("blind", "aggregated"), ("replay", "test", "there_and_back")
+    models, conditions = ("one_look_policy", "dagger"), ("replay", "test", "there_and_back")
     table = study.study(recorded, tmp_path, tmp_path / "w", models, (0,), conditions)
     counts = table.groupby(["model", "condition"]).size().to_dict()
     assert counts == {
         ("recorded joints", "replay"): 6,
-        ("blind", "test"): 6, ("blind", "there_and_back"): 2,
-        ("aggregated", "test"): 6, ("aggregated", "there_and_back"): 2,
+        ("one_look_policy", "test"): 6, ("one_look_policy", "there_and_back"): 2,
+        ("dagger", "test"): 6, ("dagger", "there_and_back"): 2,
     }  # fmt: skip
     assert set(table["success"]) <= {0, 1}
     assert table[table["condition"] != "replay"]["duration"].max() == 4
@@ -64,7 +64,10 @@ def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded,
     for said in ("described", "described_held"):
         assert (table[said].notna() == back).all()
     scores = pd.read_csv(tmp_path / "closed_loop_models.csv")
-    assert set(scores["model"]) == {"blind", "aggregated"} and (scores["execute_nrmse"] > 0).all()
+    assert (
+        set(scores["model"]) == {"one_look_policy", "dagger"}
+        and (scores["execute_nrmse"] > 0).all()
+    )
     assert (tmp_path / "w" / "ptae_open_eyes_seed0.safetensors").exists()  # its episodes were taken
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     study.study(recorded, tmp_path, tmp_path / "w", models, (0,), conditions)
@@ -94,10 +97,10 @@ def test_no_more_than_that_is_acted_out(simulator, quick, recorded, tmp_path, mo
     made = replace(study.EPISODES, score=lambda *job: acted.append(job[2:]) or pd.DataFrame(
         [dict(zip(study.KEY, job[2:], strict=True))]))  # fmt: skip
     monkeypatch.setattr(study, "EPISODES", made)
-    study.study(recorded, tmp_path, tmp_path / "w", ("first frame", "open eyes"), (0,))
+    study.study(recorded, tmp_path, tmp_path / "w", ("ptae_first_frame", "watching_policy"), (0,))
     assert acted == [
-        (study.REPLAY, 0, "replay"), ("first frame", 0, "test"),
-        ("open eyes", 0, "test"), ("open eyes", 0, "displaced"),
+        (study.REPLAY, 0, "replay"), ("ptae_first_frame", 0, "test"),
+        ("watching_policy", 0, "test"), ("watching_policy", 0, "displaced"),
     ]  # fmt: skip
 
 
@@ -109,24 +112,24 @@ def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_
 
 
 def test_what_a_model_saw_of_its_own_acts_is_a_film_of_99_frames(simulator, quick, recorded):
-    trained = runner.fit(study.experiment_of(recorded, "open eyes", 0), recorded)
+    trained = runner.fit(study.experiment_of(recorded, "watching_policy", 0), recorded)
     own = recorded.split("train")[:2]
-    films = videos.seen_in_own_episodes(trained, recorded, own)
-    assert list(films) == own.tolist()
-    for sample, film in films.items():
-        assert film.shape == (99, 30) and np.isfinite(film).all()
-        assert np.abs(film[0] - recorded.features[sample, 0]).max() < 0.05  # the same first look
+    videos = videos.seen_in_own_episodes(trained, recorded, own)
+    assert list(videos) == own.tolist()
+    for sample, video in videos.items():
+        assert video.shape == (99, 30) and np.isfinite(video).all()
+        assert np.abs(video[0] - recorded.features[sample, 0]).max() < 0.05  # the same first look
         last = recorded.frames[sample]
-        assert (film[last:] == film[-1]).all()
+        assert (video[last:] == video[-1]).all()
 
 
 def test_films_reach_execute_alone(source):
-    from ptae_lite.data.signals import build, refilm, signal_number
+    from ptae_lite.data.signals import build, signal_number, with_video
 
     signals = torch.tensor([signal_number(s) for s in ("execute", "repeat action", "execute")])
     batch = build(source, torch.tensor([0, 1, 2]), signals, torch.zeros(3, dtype=torch.long))
     other = torch.full_like(batch.video[0], 7.0)
-    changed = refilm(batch, {0: other, 1: other})
+    changed = with_video(batch, {0: other, 1: other})
     assert (changed.video[0] == 7).all()
     assert (changed.video[1:] == batch.video[1:]).all()
     assert (batch.video[0] != 7).any()
@@ -135,8 +138,8 @@ def test_films_reach_execute_alone(source):
 
 def test_training_takes_other_films_where_it_is_given_some(few, tiny):
     recipe = Recipe(epochs=1, batch=8)
-    films = {int(i): [few.features[i, :99] + 1] for i in few.split("train")}
-    plain, other = (train(few, recipe, config=tiny, films=f) for f in (None, films))
+    videos = {int(i): [few.features[i, :99] + 1] for i in few.split("train")}
+    plain, other = (train(few, recipe, config=tiny, videos=f) for f in (None, videos))
     weights = [model.model.action.cells[0].weight_ih for model in (plain, other)]
     assert (weights[0] != weights[1]).any()
 
@@ -146,21 +149,23 @@ def kept(simulator):
     """Two episodes of a model that knows nothing, given up after a few frames."""
     torch.manual_seed(0)
     samples = load_samples()
-    config = PTAEConfig(**TINY, film="first", padded=False, reminded=True)
+    config = PTAEConfig(**TINY, freeze_video=True, padded=False, condition_on_code=True)
     from ptae_lite.data.scaling import fit_scaling
     from ptae_lite.models.ptae import PTAE
 
     scaling = fit_scaling(samples, samples.split("train")[:50])
-    trained = checkpoint.Trained(PTAE(config).eval(), scaling, {"eye": samples.eye})
-    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    trained = checkpoint.Trained(PTAE(config).eval(), scaling, {"encoder": samples.encoder})
+    encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
     stage = episodes.stages()["red and green"]
     from ptae_lite.language import parse
 
-    told = ("push red slowly", "pull green fast", "slide cyan fast")
+    instruction = ("push red slowly", "pull green fast", "slide cyan fast")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
-        made = [episodes.perform(trained, eye, stage, text, parse(text)) for text in told]
-    return trained, eye, made
+        made = [
+            episodes.perform(trained, encoder, stage, text, parse(text)) for text in instruction
+        ]
+    return trained, encoder, made
 
 
 def test_episodes_come_back_as_they_were_kept(kept, tmp_path):
@@ -168,7 +173,7 @@ def test_episodes_come_back_as_they_were_kept(kept, tmp_path):
     episodes.write(tmp_path / "e.npz", made[:2])
     again = episodes.load(tmp_path / "e.npz")
     for old, new in zip(made[:2], again, strict=True):
-        assert (new.told, new.stage.colours) == (old.told, old.stage.colours)
+        assert (new.instruction, new.stage.colours) == (old.instruction, old.stage.colours)
         assert np.allclose(new.episode.joints_rad, old.episode.joints_rad, atol=1e-6)
         assert new.verdict.reason == old.verdict.reason
 
@@ -188,12 +193,12 @@ def test_strips_show_three_successes_and_three_kinds_of_failure():
         {"condition": "test", "model": model, "action": action, "success": success,
          "reason": reason, "pattern": i}
         for i, (model, action, success, reason) in enumerate([
-            ("blind", "push", 1, "done"), ("blind", "pull", 1, "done"),
-            ("blind", "slide", 1, "done"), ("ptae", "push", 0, "a"), ("ptae", "push", 0, "b"),
-            ("ptae", "push", 0, "b"), ("ptae", "pull", 0, "c"), ("blind", "push", 1, "done"),
+            ("one_look_policy", "push", 1, "done"), ("one_look_policy", "pull", 1, "done"),
+            ("one_look_policy", "slide", 1, "done"), ("ptae", "push", 0, "a"), ("ptae", "push", 0, "b"),
+            ("ptae", "push", 0, "b"), ("ptae", "pull", 0, "c"), ("one_look_policy", "push", 1, "done"),
         ])
     ]  # fmt: skip
-    chosen = episodes.strips_of(pd.DataFrame(rows), "blind")
+    chosen = episodes.strips_of(pd.DataFrame(rows), "one_look_policy")
     assert chosen["pattern"].tolist()[:3] == [0, 1, 2]
     assert sorted(chosen["reason"][3:]) == ["a", "b", "c"]
 
@@ -207,15 +212,15 @@ def test_pages_get_what_the_table_can_show(kept, tmp_path, monkeypatch):
         trained.about["experiment"] = asked.hash
         checkpoint.save(tmp_path / asked.file, trained)
 
-    keep_weights("blind")
+    keep_weights("one_look_policy")
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
     rows = [
         {"condition": "test", "model": model, "seed": 0, "action": action, "reason": reason,
          "success": reason == "done", "pattern": i, "variation": 0,
          "sentence": f"{action} red fast"}
         for i, (model, action, reason) in enumerate([
-            ("blind", "push", "done"), ("blind", "pull", "done"), ("blind", "slide", "done"),
-            ("blind", "push", "a"), ("blind", "push", "b"), ("ptae", "push", "c"),
+            ("one_look_policy", "push", "done"), ("one_look_policy", "pull", "done"), ("one_look_policy", "slide", "done"),
+            ("one_look_policy", "push", "a"), ("one_look_policy", "push", "b"), ("ptae", "push", "c"),
         ])
     ]  # fmt: skip
     table, strips = pd.DataFrame(rows), tmp_path / episodes.STRIPS
@@ -227,7 +232,7 @@ def test_pages_get_what_the_table_can_show(kept, tmp_path, monkeypatch):
     keep_weights("ptae")
     episodes.keep(tmp_path, table, samples, tmp_path)
     with np.load(strips, allow_pickle=False) as file:
-        assert file["films"].shape == (6, 5, 120, 160, 3)
+        assert file["strips"].shape == (6, 5, 120, 160, 3)
         assert file["texts"].tolist()[0] == "blind: push red fast (done)"
     assert (tmp_path / episodes.EPISODES).read_bytes() == stored
 
@@ -239,14 +244,14 @@ def test_corrections_come_from_scenes_of_the_training_samples(monkeypatch, recor
         asked.extend(int(i) for i in indices)
         return dict.fromkeys(asked, np.zeros((99, 30)))
 
-    def train(*_, films, **__):
-        given.update(films)
+    def train(*_, videos, **__):
+        given.update(videos)
         return base
 
     monkeypatch.setattr(videos, "seen_in_own_episodes", act)
     monkeypatch.setattr(runner, "train", train)
     monkeypatch.setattr(runner, "obtain", lambda *_: base)
-    runner.fit(study.experiment_of(recorded, "aggregated", 1), recorded)
+    runner.fit(study.experiment_of(recorded, "dagger", 1), recorded)
     own = recorded.split("train").tolist()
     assert asked == own[1::2] and set(given) == set(asked)
     assert not set(asked) & set(recorded.split("test").tolist())
@@ -271,8 +276,8 @@ def test_the_panel_finds_each_episode_and_says_its_verdict(kept):
 def test_the_box_acts_or_says_in_a_sentence_why_not(kept, monkeypatch):
     from ptae_lite.widgets import episodes as shown
 
-    trained, eye, made = kept
-    box = shown.Box(trained, eye, made).widget()
+    trained, encoder, made = kept
+    box = shown.Box(trained, encoder, made).widget()
     scene, text, button, view = box.children
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
     text.value = "pull the red one"

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.answer_source import SOURCES
 from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES, conditions
 from ptae_lite.paper import reported
 from ptae_lite.plots import incongruence as incongruence_plots
@@ -31,7 +31,7 @@ def table():
                     "model": model, "seed": seed, "signal": signal, "conflict_in": place,
                     "conflicts": len(aspects), "aspects": " ".join(aspects),
                     "accuracy": score if words else np.nan, "nrmse": np.nan if words else score,
-                } | dict(zip(FOLLOWED, shares, strict=True)))  # fmt: skip
+                } | dict(zip(SOURCES, shares, strict=True)))  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -95,7 +95,7 @@ def test_a_stack_for_each_condition_adds_up(table):
         names = [label.get_text() for label in axes.get_yticklabels()]
         count = {"language": 6, "action": 12}[EXTRA_INPUT[signal]] + (signal == "execute")
         assert len(names) == len(set(names)) == count
-        assert [c.get_label() for c in axes.containers] == list(FOLLOWED)
+        assert [c.get_label() for c in axes.containers] == list(SOURCES)
         widths = np.array([[bar.get_width() for bar in stack] for stack in axes.containers])
         np.testing.assert_allclose(widths.sum(axis=0), 110 - 10 + 0 * widths[0])
         assert len({stack[0].get_hatch() for stack in axes.containers}) == 4

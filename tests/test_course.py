@@ -196,16 +196,16 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     miss = first["on_plane"](*first["pixel"](top), first["scene"].TABLE_TOP_M) - top
     assert round(1000 * np.hypot(*miss[:2])) == 67 and np.hypot(*miss[:2]) > edge
 
-    eye = played("02_vision", 0).names
-    data = eye["samples"]
-    error = eye["joint_errors"](
+    encoder = played("02_vision", 0).names
+    data = encoder["samples"]
+    error = encoder["joint_errors"](
         data.features.astype(float), data.joints.astype(float), data.frames,
-        eye["train"], eye["test"])  # fmt: skip
+        encoder["train"], encoder["test"])  # fmt: skip
     assert error.argmax() == 3 and round(error[3], 1) == 9.6
     for dropped, left, read in ((12, 5, 96), (20, 0.3, 83)):
-        variance = eye["variances"][dropped:].sum() / eye["variances"].sum()
-        rest = (data.features[:, 0] - eye["centre"]) @ eye["axes"][:, dropped:]
-        right = eye["probes"].percent_right(data, rest, eye["probes"].colours(data)["left"])
+        variance = encoder["variances"][dropped:].sum() / encoder["variances"].sum()
+        rest = (data.features[:, 0] - encoder["centre"]) @ encoder["axes"][:, dropped:]
+        right = encoder["probes"].percent_right(data, rest, encoder["probes"].colours(data)["left"])
         assert round(100 * variance, 1 if left < 1 else None) == left and round(right) == read
 
     panel = played("03_crossmodal_transformer", 0).panels["3.3"]
@@ -228,7 +228,7 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     samples = table.query("model == 'ptae' and mode == 'samples' and seed < 2")
     paper, balanced = (samples[samples["variant"] == v] for v in ("paper", "balanced"))
     assert paper["describe_accuracy"].round().tolist() == [30, 19]
-    often = [v["supervised_presentations"].mean() for v in (paper, balanced)]
+    often = [v["supervised_samples_seen"].mean() for v in (paper, balanced)]
     assert round(often[1] / often[0]) == 25
 
     told = played("05_incongruence", 0).names
@@ -261,9 +261,12 @@ def test_the_numbers_of_the_loops_answers_are_those_of_its_table(played):
     loop = play.names
     counts = loop["counts"].groupby(loop["own"]["model"]).sum()
     assert (counts["all three"] == loop["own"].groupby("model")["success"].sum()).all()
-    assert counts.loc["first frame"].tolist() == [269, 279, 269, 557]
+    assert counts.loc["ptae_first_frame"].tolist() == [269, 279, 269, 557]
     assert counts.loc["ptae"].tolist() == [93, 127, 93, 202]
-    assert counts.loc["blind", "any other cube"] - counts.loc["blind", "all three"] == 2
+    assert (
+        counts.loc["one_look_policy", "any other cube"] - counts.loc["one_look_policy", "all three"]
+        == 2
+    )
     seeds = loop["own"].query("model == 'ptae'").groupby("seed")["success"].mean()
     assert (100 * seeds).round().tolist() == [14, 16, 13]
     scores = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))

@@ -14,14 +14,14 @@ from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
 gpu = pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
-SMALL = vision.EyeRecipe(steps=40, batch=4)
+SMALL = vision.AutoencoderRecipe(steps=40, batch=4)
 
 
 def test_a_device_that_is_not_here_is_refused(few, tiny):
     with pytest.raises(ConfigError, match="device 'tpu9' cannot be used here, .*; train without"):
         training.train(few, Recipe(epochs=1, batch=8), config=tiny, device="tpu9")
     with pytest.raises(ConfigError, match="device 'tpu9' cannot be used here"):
-        vision.EyeTraining(vision.make_eye("plain"), SMALL, "tpu9")
+        vision.AutoencoderTrainer(vision.make_autoencoder("plain"), SMALL, "tpu9")
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU here")
@@ -46,19 +46,19 @@ def test_a_model_makes_its_tensors_where_its_input_is(source, small_configs, mod
     found = []
     for default in ("cpu", "meta"):
         with torch.device(default), devices.seeded(0, "cpu"):
-            found.append([*network(mixed), *network.costs(mixed, paired)])
+            found.append([*network(mixed), *network.loss(mixed, paired)])
     for one, other in zip(*found, strict=True):
         assert other.device.type == "cpu" and torch.equal(one, other)
 
 
 def test_a_training_leaves_the_generators_and_cudnn_as_they_were(few, tiny):
-    eye = vision.make_eye("plain")
+    encoder = vision.make_autoencoder("plain")
     torch.manual_seed(3)
     wanted, precision = torch.rand(4), torch.backends.cudnn.allow_tf32
     torch.manual_seed(3)
     training.train(few, Recipe(epochs=1, batch=8), config=tiny)
     images = np.zeros((4, 120, 160, 3), np.uint8)
-    vision.train_eye(eye, images, vision.EyeRecipe(steps=1, batch=2))
+    vision.train_autoencoder(encoder, images, vision.AutoencoderRecipe(steps=1, batch=2))
     assert torch.equal(torch.rand(4), wanted) and torch.backends.cudnn.allow_tf32 == precision
 
 
@@ -87,9 +87,9 @@ def images():
 def test_a_gpu_trains_the_same_eye(images, kind):
     losses, seen = [], []
     for device in ("cpu", "cuda"):
-        eye = vision.make_eye(kind)
-        losses.append(vision.train_eye(eye, images, SMALL, device=device))
-        seen.append(vision.encode_images(eye, images))  # the eye is back on the CPU
+        encoder = vision.make_autoencoder(kind)
+        losses.append(vision.train_autoencoder(encoder, images, SMALL, device=device))
+        seen.append(vision.encode_images(encoder, images))  # the eye is back on the CPU
     assert losses[0][-1] < 0.9 * losses[0][0]  # it has learnt something
     np.testing.assert_allclose(losses[1], losses[0], rtol=0.05)
     assert np.abs(seen[1] - seen[0]).max() < 0.1 * np.abs(seen[0]).max()
@@ -97,18 +97,20 @@ def test_a_gpu_trains_the_same_eye(images, kind):
 
 @gpu
 def test_on_a_gpu_too_a_branch_leaves_the_long_training_as_it_was(images, tmp_path):
-    long = vision.EyeTraining(vision.make_eye("plain"), SMALL, "cuda")
+    long = vision.AutoencoderTrainer(vision.make_autoencoder("plain"), SMALL, "cuda")
     long.go(images, 32)
-    before = copy.deepcopy(long.eye.state_dict())
+    before = copy.deepcopy(long.encoder.state_dict())
     branch = copy.deepcopy(long)
     branch.go(images, 40, 40)
     encoders.keep(long, tmp_path / "trunk.safetensors", 1.0)
-    again = vision.EyeTraining(vision.make_eye("plain"), SMALL, "cuda")
+    again = vision.AutoencoderTrainer(vision.make_autoencoder("plain"), SMALL, "cuda")
     encoders.restore(again, tmp_path / "trunk.safetensors")
     again.go(images, 40, 40)
-    alone = vision.make_eye("plain")
-    vision.train_eye(alone, images, SMALL, device="cuda")
+    alone = vision.make_autoencoder("plain")
+    vision.train_autoencoder(alone, images, SMALL, device="cuda")
     for name, value in alone.state_dict().items():
         for other in (branch, again):
-            torch.testing.assert_close(other.eye.state_dict()[name].cpu(), value, atol=1e-2, rtol=0)
-        assert torch.equal(long.eye.state_dict()[name], before[name])
+            torch.testing.assert_close(
+                other.encoder.state_dict()[name].cpu(), value, atol=1e-2, rtol=0
+            )
+        assert torch.equal(long.encoder.state_dict()[name], before[name])

@@ -61,19 +61,19 @@ def test_an_lstm_reads_a_sequence_to_its_end_and_no_further():
 def test_gradients_reach_every_parameter(tiny, mixed, choice):
     torch.manual_seed(0)
     model = PTAE(replace(tiny, **choice))
-    sum(model.costs(mixed)).backward()
+    sum(model.loss(mixed)).backward()
     silent = [name for name, p in model.named_parameters() if p.grad.abs().max() < 1e-8]
     assert silent == ["encoder.attention.key.bias"]
     expected = losses(model(mixed), mixed, model.word_weights)
-    torch.testing.assert_close(torch.stack(model.costs(mixed)), torch.stack(expected))
+    torch.testing.assert_close(torch.stack(model.loss(mixed)), torch.stack(expected))
 
 
 @pytest.mark.parametrize(
     "choice",
     [
         {"language_encoder": "lstm", "action_encoder": "lstm"}, {"queries": "action"},
-        {"queries": "both"}, {"clock": True}, {"repeat_both": True}, {"weigh_words": True},
-        {"film": "first"},
+        {"queries": "both"}, {"frame_positions": True}, {"repeat_both": True}, {"weigh_words": True},
+        {"freeze_video": True},
     ],
     ids=str,
 )  # fmt: skip

@@ -212,7 +212,7 @@ def test_controls_change_what_they_name_and_nothing_else(samples, make_batch):
     batch = make_batch([0, 6, 432, 500], "execute", 5)
     changed = {name: change(batch) for name, change in controls.CONTROLS.items()}
     for name, part in (("sentence blanked", "tokens"), ("sentences shuffled", "tokens"),
-                       ("speed word swapped", "tokens"), ("film frozen", "video")):  # fmt: skip
+                       ("speed word swapped", "tokens"), ("video frozen", "video")):  # fmt: skip
         for field, value in vars(batch).items():
             assert torch.equal(getattr(changed[name], field), value) == (field != part), name
     assert changed["as trained"] is batch
@@ -227,8 +227,8 @@ def test_controls_change_what_they_name_and_nothing_else(samples, make_batch):
         assert {parse(text).speed, parse(other).speed} == {"slowly", "fast"}
         plain = text.split()[2] in SPEEDS
         assert (other.split()[2] in SPEEDS) == plain  # in the same register
-    film = changed["film frozen"].video
-    assert torch.equal(film, batch.video[:, :1].expand_as(film))
+    video = changed["video frozen"].video
+    assert torch.equal(video, batch.video[:, :1].expand_as(video))
 
 
 def test_controls_are_scored_on_execute(trained, few):

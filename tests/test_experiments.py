@@ -48,7 +48,7 @@ def test_whatever_a_training_depends_on_changes_its_hash(few):
         experiment(few, "pgae"), experiment(few, config={"hidden": 128}),
         experiment(few, recipe={"epochs": 79}), experiment(few, seed=1),
         experiment(replace(few, features=few.features + np.float32(1e-6))),
-        experiment(replace(few, eye="authors", holdout=18)),
+        experiment(replace(few, encoder="authors", holdout=18)),
         replace(base, split="fit"), replace(base, labels=Labels("random", 10)),
         replace(base, labels=Labels("covering", 10)), replace(base, labels=Labels("few updates")),
         replace(base, videos="noisy"), replace(base, videos="own episodes", base=base),
@@ -97,7 +97,7 @@ def test_a_file_of_that_name_with_another_hash_is_refused(few, small_experiments
 
 def test_an_experiment_of_other_samples_is_refused(few, small_experiments):
     with pytest.raises(ConfigError, match="the experiment is of recording .*, not of authors "):
-        runner.fit(experiment(few), replace(few, eye="authors"))
+        runner.fit(experiment(few), replace(few, encoder="authors"))
 
 
 def test_what_several_jobs_need_is_trained_once_and_first_what_others_build_on(
@@ -128,7 +128,7 @@ def test_stored_weights_say_of_which_experiment_they_are_or_are_of_an_earlier_re
     for name in [name for name in entries if name.startswith("weights/")]:
         about = artefacts.load_weights(artefacts.stored(name))[1]
         assert entries[name]["experiment"] == about.get("experiment", artefacts.EARLIER)
-    checkpoint.load(artefacts.stored("weights/ptae_blind_seed0.safetensors"))
+    checkpoint.load(artefacts.stored("weights/one_look_policy_seed0.safetensors"))
 
 
 def test_every_study_says_what_it_is_and_what_it_understands():

@@ -78,7 +78,7 @@ def test_moments_are_in_order_and_within_the_clip(samples):
     assert len({tuple(row) for row in at}) == 12  # six variations, two lengths
 
 
-@pytest.mark.parametrize("split", encoder_scores.READERS)
+@pytest.mark.parametrize("split", encoder_scores.PROBES)
 def test_an_eye_that_says_all_is_read_right(seen, pictures, split):
     found = encoder_scores.scores(Reads(), pictures, seen)[split]
     whole = ("first_left", "first_right", "first_both", "last_both", "first_act", "last_act",
@@ -108,7 +108,7 @@ def test_products_read_what_a_sum_cannot():
     np.testing.assert_allclose(more[known][:, :2].std(0), 1)
     np.testing.assert_allclose(more[:, 3:6], more[:, :1] * more[:, :3])
     for inputs, low, high in ((signs, 0, 70), (more, 99, 100)):
-        read = probes.fit_labels(inputs[known], labels[known])
+        read = probes.fit_classifier(inputs[known], labels[known])
         assert low <= 100 * (read.labels(inputs[asked]) == labels[asked]).mean() <= high
 
 
@@ -144,13 +144,13 @@ def test_arithmetic_is_counted_by_hand():
         for layer, count in zip(layers, counts, strict=True):
             cost = 2 * layer.weight.numel() * count
             forward, first = forward + cost, first or cost
-    separated = encoders.mflop_an_image(vision.make_eye("separated"))
+    separated = encoders.mflop_an_image(vision.make_autoencoder("separated"))
     assert separated == pytest.approx(3 * (3 * forward - first) / 1e6)
 
 
 def test_checkpoints_at_equal_compute_cost_the_same():
     cost = {
-        name: encoders.mflop_an_image(vision.make_eye(*made))
+        name: encoders.mflop_an_image(vision.make_autoencoder(*made))
         for name, made in encoders.CAES.items()
     }
     apart, ten, plain = (own + encoders.LONG[name] for name, own in encoders.CHECKPOINTS.items())
@@ -158,7 +158,7 @@ def test_checkpoints_at_equal_compute_cost_the_same():
     for a, b in zip(apart[2:], plain[2:], strict=True):
         for name in ("plain 10", "plain 30"):
             assert b * cost[name] == pytest.approx(a * cost["separated 3x10"], rel=1e-3)
-    assert all(n % vision.EyeRecipe().batch == 0 for n in apart + ten)
+    assert all(n % vision.AutoencoderRecipe().batch == 0 for n in apart + ten)
 
 
 @pytest.fixture
@@ -169,8 +169,10 @@ def study(seen, monkeypatch, tmp_path):
                   frames=seen.frames[::3], joints=seen.joints[::3], cubes=seen.cubes[::3],
                   features=seen.features[::3])  # fmt: skip
     looks = np.random.default_rng(1).integers(0, 256, (288, 4, 120, 160, 3), np.uint8)
-    monkeypatch.setattr(vision, "EyeRecipe", vision.EyeRecipe)
-    monkeypatch.setattr(vision.EyeRecipe, "__init__", _two_a_step(vision.EyeRecipe.__init__))
+    monkeypatch.setattr(vision, "AutoencoderRecipe", vision.AutoencoderRecipe)
+    monkeypatch.setattr(
+        vision.AutoencoderRecipe, "__init__", _two_a_step(vision.AutoencoderRecipe.__init__)
+    )
     monkeypatch.setattr(frames, "training_images", lambda folder: images)
     monkeypatch.setattr(encoder_scores, "look", lambda folder, samples: looks)
     monkeypatch.setattr(encoders, "PCAS", {"PCA 10": ("pca", 10)})
@@ -178,11 +180,11 @@ def study(seen, monkeypatch, tmp_path):
     monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, 0), (1, 0)])
     clip = type("Clip", (), {"images": np.resize(images, (100, 120, 160, 3))})
     monkeypatch.setattr(recorder, "load_sequence", lambda folder, *sample: clip)
-    both = encoder_scores.READERS
+    both = encoder_scores.PROBES
     monkeypatch.setattr(
         encoder_scores,
         "scores",
-        lambda eye, looks, samples: {s: {"sum": sum_of(eye)} for s in both},
+        lambda encoder, looks, samples: {s: {"sum": sum_of(encoder)} for s in both},
     )
 
     def run(seeds=(0,), checkpoints=STEPS, work="work", **more):
@@ -199,48 +201,52 @@ def _two_a_step(real):
     return init
 
 
-def sum_of(eye):
-    return round(float(sum(p.detach().abs().sum() for p in eye.parameters())), 4)
+def sum_of(encoder):
+    return round(float(sum(p.detach().abs().sum() for p in encoder.parameters())), 4)
 
 
 def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
     table = study((0, 1))
-    assert table["eye"].value_counts().to_dict() == {
+    assert table["encoder"].value_counts().to_dict() == {
         "separated 3x10": 12,
         "plain 10": 8,
         "PCA 10": 2,
     }
-    assert set(table["split"]) == set(encoder_scores.READERS)
+    assert set(table["split"]) == set(encoder_scores.PROBES)
     assert not table.duplicated(encoders.KEY).any()
-    long = table[(table["eye"] == "separated 3x10") & (table["split"] == "test")]
+    long = table[(table["encoder"] == "separated 3x10") & (table["split"] == "test")]
     assert long.groupby("seed")["sum"].nunique().tolist() == [3, 3]
     assert long["sum"].nunique() == 6
-    assert (long["gflop"] == (long["presentations"] * 0.245878272).round(1)).all()
+    assert (long["gflop"] == (long["samples_seen"] * 0.245878272).round(1)).all()
     for name, seed, last in (("separated 3x10", 1, 20), ("plain 10", 0, 10)):
         folder = study.folder / "work" / encoders.folder_of(name, seed)
-        about = artefacts.load_weights(folder / f"eye_{last}.safetensors")[1]
-        assert about["recipe"] == vars(vision.EyeRecipe(steps=last // 2, seed=seed))
+        about = artefacts.load_weights(folder / f"encoder_{last}.safetensors")[1]
+        assert about["recipe"] == vars(vision.AutoencoderRecipe(steps=last // 2, seed=seed))
         assert [path.name for path in folder.glob("features*")] == ["features_10.npz"]
-        assert encoders.features_are_of(folder / "features_10.npz", folder / "eye_10.safetensors")
+        assert encoders.features_are_of(
+            folder / "features_10.npz", folder / "encoder_10.safetensors"
+        )
 
 
 def test_a_row_is_what_a_training_of_that_length_gives(study):
     table = study().set_index(encoders.KEY)["sum"]
     images = frames.training_images("none")
-    for presentations in (10, 20):
-        eye = vision.make_eye("separated")
-        vision.train_eye(eye, images, vision.EyeRecipe(steps=presentations // 2))
-        assert table["separated 3x10", 0, presentations, "test", "cpu"] == sum_of(eye)
+    for samples_seen in (10, 20):
+        encoder = vision.make_autoencoder("separated")
+        vision.train_autoencoder(encoder, images, vision.AutoencoderRecipe(steps=samples_seen // 2))
+        assert table["separated 3x10", 0, samples_seen, "test", "cpu"] == sum_of(encoder)
 
 
 def test_drawings_are_of_each_eye_at_its_longest(study):
     study()
-    with np.load(study.folder / "eyes_drawings.npz") as file:
+    with np.load(study.folder / "encoder_reconstructions.npz") as file:
         shown = dict(file)
     assert list(shown) == ["separated 3x10", "plain 10", "PCA 10"]
-    weights = study.folder / "work" / "separated_3x10_seed0" / "eye_20.safetensors"
+    weights = study.folder / "work" / "separated_3x10_seed0" / "encoder_20.safetensors"
     with torch.no_grad():
-        expected = vision.load_eye(weights)(vision.as_input(frames.images(encoder_scores.DRAWN)))
+        expected = vision.load_autoencoder(weights)(
+            vision.as_input(frames.images(encoder_scores.DRAWN))
+        )
     found = shown["separated 3x10"]
     assert found.dtype == np.uint8 and found.shape == (4, 120, 160, 3)
     np.testing.assert_allclose(found / 255, expected.permute(0, 2, 3, 1), atol=0.002)
@@ -252,15 +258,15 @@ def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     monkeypatch.setattr(encoders, "LONG", {"separated 3x10": (40, 60), "plain 10": (20, 30)})
     monkeypatch.setitem(encoders.IN_USE, "four times", {"separated 3x10": 40, "plain 10": 40})
     regular = study()
-    drawn = (study.folder / "eyes_drawings.npz").read_bytes()
+    drawn = (study.folder / "encoder_reconstructions.npz").read_bytes()
     table = study(long=True)
-    assert (study.folder / "eyes_drawings.npz").read_bytes() == drawn
+    assert (study.folder / "encoder_reconstructions.npz").read_bytes() == drawn
     again = table.merge(regular[encoders.KEY])
     pd.testing.assert_frame_equal(again, regular)
     new = table.merge(regular[encoders.KEY], how="left", indicator=True).query(
         "_merge == 'left_only'"
     )
-    made = {name: own["presentations"].tolist() for name, own in new.groupby("eye")}
+    made = {name: own["samples_seen"].tolist() for name, own in new.groupby("encoder")}
     assert made == {
         "separated 3x10": [40, 40, 60, 60],
         "plain 10": [20, 20, 30, 30],
@@ -271,18 +277,18 @@ def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     }  # fmt: skip
     shorter = study.folder / "work" / encoders.folder_of("plain 10", 0)
     assert [path.name for path in shorter.glob("features*")] == ["features_10.npz"]
-    assert encoders.features_are_of(folder / "features_40.npz", folder / "eye_40.safetensors")
+    assert encoders.features_are_of(folder / "features_40.npz", folder / "encoder_40.safetensors")
 
 
 def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
     whole = study((0,), work="other").drop(columns="seconds")
-    (study.folder / "eyes.csv").unlink()
+    (study.folder / "encoders.csv").unlink()
     study((0,), {"separated 3x10": (0, 10)})
     parts = study().drop(columns="seconds")
     pd.testing.assert_frame_equal(parts, whole)
-    before = (study.folder / "eyes.csv").read_bytes()
+    before = (study.folder / "encoders.csv").read_bytes()
     study()
-    assert (study.folder / "eyes.csv").read_bytes() == before
+    assert (study.folder / "encoders.csv").read_bytes() == before
 
 
 def test_a_checkpoint_that_has_been_passed_is_refused(study):
@@ -298,19 +304,19 @@ LENGTHS = (("plain 10", 0, 40), ("plain 10", 1, 40), ("plain 10", 1, 160), ("PCA
 def work(seen, tmp_path):
     """Features of two eyes, one without chance, and one seed of the other longer trained."""
     for name, seed, length in LENGTHS:
-        folder = tmp_path / "eyes" / encoders.folder_of(name, seed)
+        folder = tmp_path / "encoders" / encoders.folder_of(name, seed)
         folder.mkdir(parents=True, exist_ok=True)
-        weights = folder / f"eye_{length}.safetensors"
-        vision.save_eye(weights, vision.make_eye("plain", 2), device="cuda")
+        weights = folder / f"encoder_{length}.safetensors"
+        vision.save_autoencoder(weights, vision.make_autoencoder("plain", 2), device="cuda")
         width = 3 + seed
         codes = np.repeat(seen.frames[:, None] / 100, seen.frames, axis=0) * np.ones(width)
         write_features(folder / f"features_{length}.npz", codes, weights)
-    return tmp_path / "eyes"
+    return tmp_path / "encoders"
 
 
 def test_samples_are_seen_by_another_eye(seen, work):
     other = with_features(seen, work / "plain_10_seed1" / "features_40.npz")
-    assert other.features.shape == (864, 100, 4) and other.eye != seen.eye
+    assert other.features.shape == (864, 100, 4) and other.encoder != seen.encoder
     np.testing.assert_allclose(other.features[0, :, 0], 1)
     np.testing.assert_allclose(other.features[863, :50, 3], 0.5)
     assert not other.features[863, 50:].any()
@@ -370,9 +376,9 @@ def test_the_ptae_study_does_what_is_missing(seen, work, asked, tmp_path):
 
 
 def test_rows_that_are_stored_are_not_made_again(seen, asked, tmp_path):
-    stored = pd.read_csv(shutil.copy(artefacts.stored("results/eyes_ptae.csv"), tmp_path))
-    for eye, seed, length in stored[encoders_in_use.KEY].itertuples(index=False):
-        path = encoders_in_use.features_of(tmp_path / "work", eye, seed, length)
+    stored = pd.read_csv(shutil.copy(artefacts.stored("results/encoders_in_use.csv"), tmp_path))
+    for encoder, seed, length in stored[encoders_in_use.KEY].itertuples(index=False):
+        path = encoders_in_use.features_of(tmp_path / "work", encoder, seed, length)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
     table = encoders_in_use.study(seen, tmp_path, tmp_path / "work")
@@ -381,15 +387,15 @@ def test_rows_that_are_stored_are_not_made_again(seen, asked, tmp_path):
 
 
 def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path):
-    with pytest.raises(RecordingError, match="no features of an eye; make them: .*study eyes"):
+    with pytest.raises(RecordingError, match="no features of an eye; make them: .*study encoders"):
         encoders_in_use.study(seen, tmp_path, tmp_path / "none")
 
 
 @pytest.mark.parametrize(
     ("name", "module", "given", "own", "more"),
-    [("eyes", encoders, ["of R", "R", "T", "W", [0, 2]], ["--recording", "R"],
+    [("encoders", encoders, ["of R", "R", "T", "W", [0, 2]], ["--recording", "R"],
       {"device": "cpu", "long": False}),
-     ("eyes-ptae", encoders_in_use, ["stored", "T", "W", [0, 2]], [], {"cluster": None})],
+     ("encoders-in-use", encoders_in_use, ["stored", "T", "W", [0, 2]], [], {"cluster": None})],
 )  # fmt: skip
 def test_the_commands_run_the_studies(
     monkeypatch, capsys, tmp_path, name, module, given, own, more
@@ -398,12 +404,12 @@ def test_the_commands_run_the_studies(
 
     def study(*asked, progress, **named):
         assert list(asked) == given and named == {"workers": 2} | more
-        return pd.DataFrame({"eye": [1, 2, 3]})
+        return pd.DataFrame({"encoder": [1, 2, 3]})
 
     monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda: "stored")
     monkeypatch.setattr("ptae_lite.data.samples.load_unseen", lambda folder: f"of {folder}")
     monkeypatch.setattr(module, "study", study)
-    options = [*own, "--out", "T", "--eyes", "W", "--seeds", "0", "2"]
+    options = [*own, "--out", "T", "--encoders", "W", "--seeds", "0", "2"]
     assert cli.main(["study", name, *options, "--workers", "2", "--json"]) == 0
     made = json.loads(capsys.readouterr().out)
     assert made["rows"] == 3 and made["table"] == f"T/{module.FILE}"

@@ -24,7 +24,7 @@ LONGEST = {name: max(further) for name, further in encoders.LONG.items()}
 
 @pytest.fixture(scope="module")
 def rows():
-    return pd.read_csv(artefacts.stored("results/eyes.csv"))
+    return pd.read_csv(artefacts.stored("results/encoders.csv"))
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def text():
 def means(rows):
     """Test scores by eye and presentations, mean over the seeds."""
     numbers = rows[rows["split"] == "test"].drop(columns=["split", "seed", "device"])
-    return numbers.groupby(["eye", "presentations"]).mean()
+    return numbers.groupby(["encoder", "samples_seen"]).mean()
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def equal(rows):
     return {
         name: encoders_table.at(rows, lengths)
         .drop(columns=["split", "device"])
-        .groupby("eye")
+        .groupby("encoder")
         .mean()
         for name, lengths in encoders_table.EQUAL.items()
     }
@@ -60,7 +60,7 @@ def lead(table, columns, first, second):
 def test_every_eye_was_looked_at_untrained_and_at_the_equal_lengths(rows, means):
     for name in encoders.CAES:
         assert 0 in means.loc[name].index
-    assert set(rows[rows["eye"].isin(encoders.PCAS)]["eye"]) == set(encoders.PCAS)
+    assert set(rows[rows["encoder"].isin(encoders.PCAS)]["encoder"]) == set(encoders.PCAS)
     assert rows[encoders.KEY].duplicated().sum() == 0
 
 
@@ -133,8 +133,8 @@ def test_no_eye_reads_the_act_off_first_frames_nor_reaches_chance(means):
 
 def test_products_find_colours_that_a_sum_does_not_most_of_all_at_first(means):
     for name in (PLAIN_10, PLAIN_30):
-        for presentations in (64_000, 166_960):
-            own = means.loc[name, presentations]
+        for samples_seen in (64_000, 166_960):
+            own = means.loc[name, samples_seen]
             gain = own["first_both_products"] - own["first_both"]
             assert gain > 15
             missing = [100 - own[f"{at}_both_products"] for at in ("first", "last")]
@@ -143,7 +143,7 @@ def test_products_find_colours_that_a_sum_does_not_most_of_all_at_first(means):
 
 def test_what_has_levelled_off_is_what_the_page_says(rows, text):
     """When this fails, the page's paragraphs about the rule have to be written anew."""
-    by_rule = encoders_table.levelled(rows)
+    by_rule = encoders_table.converged(rows)
     assert by_rule[by_rule].index.tolist() == [(SEPARATED, 512_000)]
     assert "one row has converged: the channel-separated encoder after 512,000 images" in text
     changed = encoders_table.changes(rows)
@@ -192,33 +192,35 @@ def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(r
     assert "Three seeds of each encoder, and their ranges do not touch" in text
     for lengths in encoders_table.EQUAL.values():
         same = encoders_table.at(rows, lengths)
-        assert set(same.groupby("eye")["seed"].nunique()) == {3}
+        assert set(same.groupby("encoder")["seed"].nunique()) == {3}
         for column in ("first_both", "last_both", "last_both_products"):
-            apart = same[same["eye"] == SEPARATED][column]
-            assert apart.min() > same[same["eye"] != SEPARATED][column].max()
+            apart = same[same["encoder"] == SEPARATED][column]
+            assert apart.min() > same[same["encoder"] != SEPARATED][column].max()
 
 
 @pytest.fixture(scope="module")
 def longest(rows):
     """Test scores of the greatest lengths, by eye and seed."""
-    return encoders_table.at(rows, LONGEST).set_index(["eye", "seed"])
+    return encoders_table.at(rows, LONGEST).set_index(["encoder", "seed"])
 
 
 def test_the_greatest_lengths_have_three_seeds_each(rows, longest):
-    assert longest.groupby("eye").size().to_dict() == {
+    assert longest.groupby("encoder").size().to_dict() == {
         SEPARATED: 3, PLAIN_10: 4, PLAIN_30: 3
     }  # fmt: skip
     assert set(longest.drop(PLAIN_10)["device"]) == {"cuda"}
     equal = encoders_table.at(rows, encoders_table.EQUAL["compute"])["gflop"].mean()
-    times = (longest["gflop"] / equal).groupby("eye").mean().round(1)
+    times = (longest["gflop"] / equal).groupby("encoder").mean().round(1)
     assert times.to_dict() == {SEPARATED: 16, PLAIN_10: 8, PLAIN_30: 16}
 
 
 def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows, text):
-    test = rows[rows["split"] == "test"].set_index(["eye", "presentations", "device"]).sort_index()
+    test = (
+        rows[rows["split"] == "test"].set_index(["encoder", "samples_seen", "device"]).sort_index()
+    )
 
-    def shown(eye, presentations, column="first_both"):
-        return (test.loc[[(eye, presentations, on)], column] for on in ("cpu", "cuda"))
+    def shown(encoder, samples_seen, column="first_both"):
+        return (test.loc[[(encoder, samples_seen, on)], column] for on in ("cpu", "cuda"))
 
     cpu, gpu = shown(PLAIN_30, 667_840)
     assert (len(cpu), len(gpu)) == (2, 5)
@@ -238,8 +240,8 @@ def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows, t
     cpu, gpu = shown(PLAIN_10, 1_335_680)
     assert cpu.item() > gpu.max()
     for what in ("four times as long", "eight times as long"):
-        for eye, presentations in encoders.IN_USE[what].items():
-            cpu, gpu = shown(eye, presentations)
+        for encoder, samples_seen in encoders.IN_USE[what].items():
+            cpu, gpu = shown(encoder, samples_seen)
             assert len(cpu) in (1, 2) and len(gpu) > len(cpu)
 
 
@@ -255,8 +257,8 @@ def test_trained_longest_the_plain_eye_of_30_shows_most_colours_of_first_frames(
 
 
 def test_no_plain_training_shows_as_many_colours_as_the_worst_separated_one(rows):
-    trained = rows[(rows["presentations"] > 0) & (rows["split"] == "test")]
-    colours = trained.groupby("eye")["first_both"]
+    trained = rows[(rows["samples_seen"] > 0) & (rows["split"] == "test")]
+    colours = trained.groupby("encoder")["first_both"]
     assert colours.max()[[PLAIN_10, PLAIN_30]].max() < colours.min()[SEPARATED]
 
 
@@ -272,10 +274,10 @@ def in_use():
     """PTAE's scores by eye, for each of the lengths that it was trained with, and with PCAs."""
     rows = encoders_in_use.stored()
     found = {
-        what: rows[rows["presentations"] == rows["eye"].map(lengths)].set_index("eye")
+        what: rows[rows["samples_seen"] == rows["encoder"].map(lengths)].set_index("encoder")
         for what, lengths in encoders.IN_USE.items()
     }
-    return found | {"PCA": rows[rows["eye"].isin(encoders.PCAS)].set_index("eye")}
+    return found | {"PCA": rows[rows["encoder"].isin(encoders.PCAS)].set_index("encoder")}
 
 
 @pytest.fixture(scope="module")
@@ -287,7 +289,7 @@ def test_ptae_was_trained_three_times_with_each_eye_and_once_with_the_longest(in
     for what, rows in in_use.items():
         assert set(rows.index) == set(encoders.PCAS if what == "PCA" else encoders.CAES)
         seeds = 1 if what == "eight times as long" else 3
-        assert rows.groupby("eye")["seed"].nunique().eq(seeds).all()
+        assert rows.groupby("encoder")["seed"].nunique().eq(seeds).all()
 
 
 def test_at_equal_presentations_ptae_describes_worse_with_plain_eyes_but_moves_better(
@@ -331,7 +333,7 @@ def test_after_four_times_words_follow_the_colours_of_the_plain_eye(
         validate="one_to_one",
     )
     assert len(seen) == len(after_four) == 10
-    thirty = seen[seen["eye"] == PLAIN_30].set_index("device")
+    thirty = seen[seen["encoder"] == PLAIN_30].set_index("device")
     gpu, cpu = (thirty.loc[device] for device in ("cuda", "cpu"))
     assert len({*gpu["seed"]} & {*cpu["seed"]}) == 1
     assert len(gpu) == len(cpu) == 2
@@ -374,7 +376,7 @@ def test_ptae_moves_better_than_a_plan_with_every_eye_but_one(in_use):
 
 
 def test_drawings_are_stored_of_every_eye():
-    with np.load(artefacts.stored("results/eyes_drawings.npz")) as file:
+    with np.load(artefacts.stored("results/encoder_reconstructions.npz")) as file:
         assert set(file.files) == {*encoders.CAES, *encoders.PCAS}
         assert {file[name].shape for name in file.files} == {
             (len(encoder_scores.DRAWN), 120, 160, 3)

@@ -115,7 +115,7 @@ def test_pgae_weighs_words_unless_told_otherwise(mixed, small_configs):
     for weigh in (True, False):
         torch.manual_seed(0)
         model = PGAE(replace(small_configs["pgae"], weigh_words=weigh))
-        costs.append(model.costs(mixed)[0].item())
+        costs.append(model.loss(mixed)[0].item())
         weights = class_weights(True) if weigh else None
         assert costs[-1] == pytest.approx(losses(model(mixed), mixed, weights)[0].item())
     assert costs[0] != pytest.approx(costs[1], rel=0.01)
@@ -217,7 +217,7 @@ def test_a_pvae_is_moved_by_chance_in_training_alone(make_model, mixed):
     drawn = model.draw(code)
     np.testing.assert_allclose(drawn.mean(0), 1, atol=0.02)
     np.testing.assert_allclose(drawn.std(0), [0.1, 0.2], rtol=0.05)
-    assert not torch.equal(*(torch.stack(model.costs(mixed)) for _ in range(2)))
+    assert not torch.equal(*(torch.stack(model.loss(mixed)) for _ in range(2)))
     assert torch.equal(model(mixed).joints, model(mixed).joints)
 
 
@@ -232,9 +232,9 @@ def test_a_seed_moves_a_pvae_alike_wherever_it_is_trained(make_model):
 
 def test_a_prae_knows_no_chance(make_model, mixed):
     model = make_model("prae")
-    assert torch.equal(*(torch.stack(model.costs(mixed)) for _ in range(2)))
+    assert torch.equal(*(torch.stack(model.loss(mixed)) for _ in range(2)))
     said, done = model.encode(mixed)
-    _, _, bound = model.costs(mixed)
+    _, _, bound = model.loss(mixed)
     torch.testing.assert_close(bound, 2 * binding(said.mean, done.mean, 1.0))
 
 
@@ -242,14 +242,14 @@ def test_what_binds_a_pvae_is_weighed_as_configured(make_model, mixed, small_con
     model = make_model("pvae")
     said, done = model.encode(mixed)
     wanted = 2 * binding(said.mean, done.mean, 1.0) + divergence(said) + divergence(done)
-    torch.testing.assert_close(model.costs(mixed)[2], wanted)
+    torch.testing.assert_close(model.loss(mixed)[2], wanted)
 
 
 @pytest.mark.parametrize("kind", FAMILY)
 def test_gradients_reach_every_parameter(make_model, make_batch, mixed, kind):
     model = make_model(kind)
     batch = mixed if kind == "pgae" else make_batch([0, 3, 500, 505], "repeat both")
-    sum(model.costs(batch)).backward()
+    sum(model.loss(batch)).backward()
     assert not [name for name, p in model.named_parameters() if p.grad.abs().max() < 1e-9]
 
 
@@ -272,7 +272,7 @@ def test_it_learns_to_describe_eight_samples(unchecked, samples, source, kind):
     optimiser = torch.optim.Adam(model.parameters(), lr=0.01)
     for _ in range(60):
         optimiser.zero_grad()
-        sum(model.costs(learnt)).backward()
+        sum(model.loss(learnt)).backward()
         optimiser.step()
     assert len(set(source.meaning[indices].tolist())) == 8
     assert correct(model(batch("describe")), samples, indices.numpy()).all()

@@ -68,7 +68,7 @@ def test_what_is_taken_away_costs_what_the_page_says(rows):
     """Of the model of seed 0, which the page asks."""
     own = rows[(rows["variant"] == "PTAE") & (rows["seed"] == 0)].iloc[0]
     assert 2.6 < own["execute_sentence_blanked"] / own["execute_nrmse"] < 3
-    assert own["execute_film_frozen"] > 1.3 * 10.8  # the mean trajectory's
+    assert own["execute_video_frozen"] > 1.3 * 10.8  # the mean trajectory's
 
 
 def test_ptae_does_not_hear_the_speed_word_and_the_elders_do(rows):
@@ -78,14 +78,14 @@ def test_ptae_does_not_hear_the_speed_word_and_the_elders_do(rows):
 
 
 def test_with_the_first_frame_only_the_sentence_makes_the_motion(medians):
-    first, film = medians.loc["PTAE, first frame only"], medians.loc["PTAE"]
-    assert 2 < first["execute_nrmse"] / film["execute_nrmse"] < 3
+    first, video = medians.loc["PTAE, frozen video"], medians.loc["PTAE"]
+    assert 2 < first["execute_nrmse"] / video["execute_nrmse"] < 3
     assert first["execute_sentence_blanked"] > 10.8  # the mean trajectory's
     assert first[SWAPPED] < 1.1 * first["execute_nrmse"]
 
 
 def test_the_first_frames_error_depends_on_the_seed(rows):
-    errors = rows[rows["variant"] == "PTAE, first frame only"]["execute_nrmse"]
+    errors = rows[rows["variant"] == "PTAE, frozen video"]["execute_nrmse"]
     assert errors.max() / errors.min() > 1.5 and 2.8 < errors.min() < 3.5
 
 
@@ -98,12 +98,12 @@ def test_repeat_both_helps_pgae_a_little_and_no_choice_helps_ptae(rows):
     assert 1 < errors.iloc[0] / errors.iloc[1] < 1.1
     several = judged.drop("repeat both helps PGAE")
     assert (several[["describe_accuracy", "execute_nrmse"]] == "neither").all(axis=None)
-    choice = family.clearly_better(rows, "PTAE", "PTAE, no blends", "describe_accuracy")
+    choice = family.clearly_better(rows, "PTAE", "PTAE, no mixup", "describe_accuracy")
     assert choice == "neither"
 
 
 def test_frames_that_ask_repeat_less_and_hear_the_speed_word_in_two_seeds(rows):
-    asks = rows[rows["variant"] == "PTAE, action asks"]
+    asks = rows[rows["variant"] == "PTAE, action as query"]
     regular = rows[rows["variant"] == "PTAE"]
     assert (asks["repeat_language_accuracy"] < 99).sum() == 2
     assert (regular["repeat_language_accuracy"] == 100).all()
@@ -113,7 +113,7 @@ def test_frames_that_ask_repeat_less_and_hear_the_speed_word_in_two_seeds(rows):
 
 def test_the_clock_keeps_the_speed(rows):
     for column in ("describe_accuracy", "execute_nrmse"):
-        assert family.clearly_better(rows, "PTAE", "PTAE, clock", column) == "neither"
+        assert family.clearly_better(rows, "PTAE", "PTAE, frame positions", column) == "neither"
 
 
 def test_ptae_needs_as_many_updates_as_pgae_but_three_fifths_of_the_time():
@@ -152,7 +152,7 @@ def test_after_eight_times_the_updates_pgae_is_nearly_level_with_ptae(rows, medi
         some, before = rows[rows["variant"] == name], rows[rows["variant"] == regular]
         assert (some["describe_accuracy"] > 98.5).all()
         assert round(some["execute_nrmse"].median(), 1) == 1.2
-        assert some["execute_film_frozen"].min() > before["execute_film_frozen"].max()
+        assert some["execute_video_frozen"].min() > before["execute_video_frozen"].max()
     ptae = rows[rows["variant"] == "PTAE, long"]
     assert set((216 * (1 - ptae["describe_accuracy"] / 100)).round()) == {0, 1}
     assert (ptae[SWAPPED] > 1.5 * ptae["execute_nrmse"]).sum() == 2
@@ -224,7 +224,7 @@ def test_on_the_authors_data_a_long_pgae_unlearns_most_scenes():
     shuffled = long["execute_sentences_shuffled"] - long["execute_nrmse"]
     assert (shuffled.abs() < 0.005).all()
     assert (long["execute_sentence_blanked"].round(1) == 0.5).all()
-    assert (long["execute_film_frozen"].round() == 16).all()
+    assert (long["execute_video_frozen"].round() == 16).all()
     ptae = theirs.loc[["PTAE, long"]]
     assert len(ptae) == 1 and ptae["execute_nrmse"].round(2).tolist() == [0.15]
     assert ptae["execute_nrmse"].max() < long["execute_nrmse"].min()

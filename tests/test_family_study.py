@@ -145,7 +145,7 @@ def test_updates_to_a_level_count_from_where_a_curve_stays_there():
 
 
 def test_samples_of_a_stand_in_test_part_are_named_as_such(samples):
-    theirs = replace(samples, eye="authors")
+    theirs = replace(samples, encoder="authors")
     assert samples.name == "recording" and theirs.name == "authors"
     assert replace(theirs, holdout=18).name == "authors, 18 held out"
 
@@ -174,7 +174,7 @@ def test_a_summary_names_the_spread(scored):
 
 
 def test_every_claim_has_a_row(scored):
-    worse = scored[:3].assign(variant="PTAE, action asks", describe_accuracy=50.0)
+    worse = scored[:3].assign(variant="PTAE, action as query", describe_accuracy=50.0)
     table = pd.concat([scored, worse]).assign(repeat_language_accuracy=1, repeat_action_nrmse=2)
     found = family.claims(table).set_index("claim")
     assert list(found.index) == list(family.CLAIMS)

@@ -30,7 +30,7 @@ def costs_and_gradients(model, batch, readable):
     """What training minimises, by the readable forms or as training does it."""
     model.zero_grad(set_to_none=True)
     torch.manual_seed(5)  # PVAE draws
-    costs = readable(batch) if readable else model.costs(batch)
+    costs = readable(batch) if readable else model.loss(batch)
     sum(costs).backward()
     return torch.stack(costs), {name: p.grad for name, p in model.named_parameters()}
 
@@ -49,7 +49,7 @@ def assert_same(model, batch, readable, unseen=()):
 
 OTHERWISE = [
     {}, {"decoder_layers": 1}, {"queries": "both"}, {"queries": "action"},
-    {"reminded": True, "padded": False},
+    {"condition_on_code": True, "pad_still_frame": False},
 ]  # fmt: skip
 
 
@@ -60,7 +60,7 @@ def test_a_fast_ptae_equals_the_readable_one(mixed, choices):
     # A key bias adds the same to every key, so it has no gradient; a fast form leaves it out.
     unseen = [n for n, _ in model.named_parameters() if n.endswith("attention.key.bias")]
     assert_same(model, mixed, lambda batch: losses(model(batch), batch), unseen)
-    quick, answer = model.quick(mixed), model(mixed)
+    quick, answer = model.forward_fast(mixed), model(mixed)
     assert torch.allclose(quick.code, answer.code, rtol=0, atol=1e-12)
     counts = mixed.step_mask
     assert torch.allclose(quick.joints[counts], answer.joints[counts], rtol=0, atol=1e-12)
@@ -81,12 +81,12 @@ def test_a_fast_pvae_equals_the_readable_one(mixed, kind, monkeypatch):
 
     def readable(batch):
         with monkeypatch.context() as patch:
-            patch.setattr(fast, "summarise", RecurrentEncoder.__call__)
+            patch.setattr(fast, "encode_fast", RecurrentEncoder.__call__)
             patch.setattr(
                 fast,
                 "act",
                 lambda decoder, code, b: decoder(code, b.video, b.start) * b.step_mask[..., None],
             )
-            return model.costs(batch)
+            return model.loss(batch)
 
     assert_same(model, mixed, readable)

@@ -10,50 +10,50 @@ import torch
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.experiments import answer_source
-from ptae_lite.experiments.answer_source import Motions, Told
+from ptae_lite.experiments.answer_source import DecodedAnswer, Motions
 from ptae_lite.experiments.incongruence import Condition
 from ptae_lite.language import EOS, WORD_INDEX, encode, pattern
 from ptae_lite.models.common import Answer
 
-TRUTH, FALSE = Told("push", "red", "fast"), Told("pull", "blue", "slowly")
+TRUTH, FALSE = DecodedAnswer("push", "red", "fast"), DecodedAnswer("pull", "blue", "slowly")
 
 
 @pytest.mark.parametrize(
-    ("told", "distractor", "expected"),
+    ("decoded", "distractor", "expected"),
     [
         (TRUTH, FALSE, "truth"),
         (FALSE, FALSE, "distractor"),
-        (Told("push", "blue", "fast"), FALSE, "mixture"),
-        (Told("pull", "blue", "fast"), FALSE, "mixture"),
-        (Told("slide", "red", "fast"), FALSE, "neither"),
-        (Told(), FALSE, "neither"),
-        (Told("pull", "red", "fast"), Told("pull", "red", "fast"), "distractor"),
+        (DecodedAnswer("push", "blue", "fast"), FALSE, "mixture"),
+        (DecodedAnswer("pull", "blue", "fast"), FALSE, "mixture"),
+        (DecodedAnswer("slide", "red", "fast"), FALSE, "neither"),
+        (DecodedAnswer(), FALSE, "neither"),
+        (DecodedAnswer("pull", "red", "fast"), DecodedAnswer("pull", "red", "fast"), "distractor"),
         # the distractor's cube is none that there is
-        (Told("pull", "red", "fast"), Told("pull", None, "fast"), "mixture"),
-        (Told(), Told(None, None, None), "neither"),
+        (DecodedAnswer("pull", "red", "fast"), DecodedAnswer("pull", None, "fast"), "mixture"),
+        (DecodedAnswer(), DecodedAnswer(None, None, None), "neither"),
         (TRUTH, TRUTH, "truth"),  # nothing in conflict
         (FALSE, TRUTH, "neither"),
     ],
 )
-def test_an_answer_follows_one_of_four(told, distractor, expected):
-    assert answer_source.follows(told, TRUTH, distractor) == expected
+def test_an_answer_follows_one_of_four(decoded, distractor, expected):
+    assert answer_source.follows(decoded, TRUTH, distractor) == expected
 
 
 def test_shares_add_up_and_say_which_aspects_are_the_distractors():
-    told = [TRUTH, FALSE, Told("push", "blue", "fast"), Told()]
-    found = answer_source.shares(told, [TRUTH] * 4, [FALSE] * 4)
-    assert [found[name] for name in answer_source.FOLLOWED] == [25, 25, 25, 25]
+    decoded = [TRUTH, FALSE, DecodedAnswer("push", "blue", "fast"), DecodedAnswer()]
+    found = answer_source.shares(decoded, [TRUTH] * 4, [FALSE] * 4)
+    assert [found[name] for name in answer_source.SOURCES] == [25, 25, 25, 25]
     assert (found["action_taken"], found["cube_taken"], found["speed_taken"]) == (25, 50, 25)
-    one = answer_source.shares(told, [TRUTH] * 4, [TRUTH._replace(speed="slowly")] * 4)
+    one = answer_source.shares(decoded, [TRUTH] * 4, [TRUTH._replace(speed="slowly")] * 4)
     assert np.isnan(one["action_taken"]) and one["speed_taken"] == 25
 
 
 def test_words_say_their_meaning_and_anything_else_says_nothing():
-    assert answer_source.told_in_words(encode("move-up scarlet quickly")[1:]) == TRUTH
+    assert answer_source.decode_words(encode("move-up scarlet quickly")[1:]) == TRUTH
     push, red, fast = (WORD_INDEX[word] for word in ("push", "red", "fast"))
     for wrong in ([push, red, fast, red], [red, push, fast, EOS], [push, EOS, fast, EOS],
                   [EOS] * 4, [push, red, fast]):  # fmt: skip
-        assert answer_source.told_in_words(wrong) == Told()
+        assert answer_source.decode_words(wrong) == DecodedAnswer()
 
 
 @pytest.fixture(scope="module")
@@ -86,26 +86,28 @@ def test_there_are_twelve_means_and_every_clip_is_nearest_to_its_own(acted, moti
 
 
 def test_a_mean_is_played_at_either_speed_and_the_fast_one_rests(motions):
-    slow, fast = (motions.tracks[Told("push", "left", speed)] for speed in ("slowly", "fast"))
+    slow, fast = (
+        motions.tracks[DecodedAnswer("push", "left", speed)] for speed in ("slowly", "fast")
+    )
     np.testing.assert_allclose(fast[:50:7], slow[np.linspace(0, 99, 50)[::7].round().astype(int)],
                                atol=0.05)  # fmt: skip
     np.testing.assert_array_equal(fast[50:], np.repeat(fast[49:50], 50, axis=0))
 
 
 def test_a_fast_motion_in_a_slow_clip_is_told_by_its_course(acted, motions):
-    fast = motions.tracks[Told("pull", "right", "fast")]
+    fast = motions.tracks[DecodedAnswer("pull", "right", "fast")]
     assert motions.nearest(fast[1:])[0] == ("pull", "right", "fast")
 
 
 def test_distances_are_percent_of_the_joints_range(motions):
-    told = Told("slide", "left", "slowly")
-    moved = motions.tracks[told][1:] + 0.03 * motions.scaling.joint_range
-    assert motions.nearest(moved) == (told, pytest.approx(3))
+    decoded = DecodedAnswer("slide", "left", "slowly")
+    moved = motions.tracks[decoded][1:] + 0.03 * motions.scaling.joint_range
+    assert motions.nearest(moved) == (decoded, pytest.approx(3))
 
 
 def test_answers_farther_than_any_clip_say_nothing():
-    told = [(TRUTH, 3.0), (FALSE, 5.0)]
-    assert answer_source.within(told, 4.0) == [TRUTH, Told()]
+    decoded = [(TRUTH, 3.0), (FALSE, 5.0)]
+    assert answer_source.within(decoded, 4.0) == [TRUTH, DecodedAnswer()]
 
 
 def test_answers_are_read_in_the_order_of_the_samples(acted, motions):
@@ -115,9 +117,9 @@ def test_answers_are_read_in_the_order_of_the_samples(acted, motions):
     for row, text in enumerate(("push red fast", "pull azure slowly", "slide cyan fast")):
         words[row, range(4), encode(text)[1:]] = 1
     answer = Answer(words, target.float(), torch.zeros(3, 1), torch.zeros(3, 1, 6, 100))
-    said = answer_source.told_by(answer, acted, indices, "describe", motions)
+    said = answer_source.decoded_answers(answer, acted, indices, "describe", motions)
     assert [what for what, _ in said] == [TRUTH, FALSE, ("slide", "cyan", "fast")]
-    did = answer_source.told_by(answer, acted, indices, "execute", motions)
+    did = answer_source.decoded_answers(answer, acted, indices, "execute", motions)
     assert [what for what, _ in did] == [
         answer_source.truth_of(acted, int(i), "execute") for i in indices
     ]
@@ -151,4 +153,4 @@ def test_in_our_recording_all_test_clips_are_told():
         answer_source.truth_of(samples, int(i), "execute") for i in test
     ]
     within = answer_source.within(found, motions.reach)
-    assert sum(what != Told() for what in within) >= 214
+    assert sum(what != DecodedAnswer() for what in within) >= 214

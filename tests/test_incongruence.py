@@ -38,7 +38,7 @@ class Spy(nn.Module):
 
 @pytest.fixture
 def spy(scaling):
-    return Trained(Spy(), scaling, {"eye": EYE})
+    return Trained(Spy(), scaling, {"encoder": EYE})
 
 
 @pytest.mark.parametrize(("conflicts", "count"), [(0, 1), (1, 3), (2, 3), (3, 1)])

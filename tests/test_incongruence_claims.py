@@ -32,7 +32,7 @@ def regular(table):
 
 @pytest.fixture(scope="module")
 def costs(table):
-    return incongruence_table.costs(table).set_index(["model", "signal"]).sort_index()
+    return incongruence_table.loss(table).set_index(["model", "signal"]).sort_index()
 
 
 def single(rows, signal, place, aspect, column="value"):
@@ -102,7 +102,7 @@ def speeds(asked, blank):
 
     slow = test[samples.frames[test] == 100]
     answer = respond(ptae, source, slow, "repeat language", change=change)
-    return np.mean([answer_source.told_in_words(w).speed == "fast" for w in answer.words.argmax(2)])
+    return np.mean([answer_source.decode_words(w).speed == "fast" for w in answer.words.argmax(2)])
 
 
 def test_padding_is_the_speed(asked):
@@ -124,7 +124,7 @@ def test_the_first_exercise_has_an_answer(asked):
     for i, text, words in zip(test, false, answer.words.argmax(2), strict=True):
         colour = parse(text).colour
         there = colour in pattern(int(samples.pattern[i])).arrangement
-        believed[there].append(answer_source.told_in_words(words).cube == colour)
+        believed[there].append(answer_source.decode_words(words).cube == colour)
     assert np.mean(believed[True]) > 2 * np.mean(believed[False])
 
 

@@ -11,7 +11,7 @@ import ptae_lite.__main__ as cli
 from ptae_lite import artefacts
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.experiments import incongruence_table, tables
-from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.answer_source import SOURCES
 from ptae_lite.experiments.incongruence import ASPECTS, EXTRA_INPUT, PLACES, Condition, conditions
 from ptae_lite.models import checkpoint
 from ptae_lite.training import Recipe
@@ -32,7 +32,7 @@ def quick(monkeypatch, small_experiments):
 
 
 def kinds(asked):
-    return [(one.config.queries, one.recipe.extra, one.seed) for one in asked]
+    return [(one.config.queries, one.recipe.p_congruent_input, one.seed) for one in asked]
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_words_have_an_accuracy_and_motions_an_error(table):
 
 
 def test_every_answer_follows_someone(table):
-    np.testing.assert_allclose(table[list(FOLLOWED)].sum(axis=1), 100)
+    np.testing.assert_allclose(table[list(SOURCES)].sum(axis=1), 100)
     calm = table[table["conflicts"] == 0]
     assert not calm[["distractor", "mixture"]].any(axis=None)
     assert calm[["action_taken", "cube_taken", "speed_taken"]].isna().all(axis=None)
@@ -154,6 +154,6 @@ def test_costs_are_of_the_format_and_of_the_conflict():
             rows.append({"model": "ptae", "seed": 0, "signal": signal, "conflict_in": place,
                          "conflicts": count, "accuracy": accuracy if word else np.nan,
                          "nrmse": np.nan if word else error})  # fmt: skip
-    found = incongruence_table.costs(pd.DataFrame(rows)).set_index("signal")
+    found = incongruence_table.loss(pd.DataFrame(rows)).set_index("signal")
     assert found.loc["describe", ["format", "conflict"]].tolist() == [10, 30]
     assert found.loc["execute", ["format", "conflict"]].tolist() == [0.5, 1.5]

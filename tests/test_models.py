@@ -73,7 +73,7 @@ def test_keys_are_a_set(tiny, mixed):
 
 
 def test_with_a_clock_keys_have_an_order_and_padding_is_hidden(tiny, mixed):
-    model = PTAE(replace(tiny, clock=True))
+    model = PTAE(replace(tiny, frame_positions=True))
     code, weights = model.encode(mixed)
     inside = torch.arange(100) < mixed.frames[:, None]
     assert weights.masked_select(~inside[:, None, None]).abs().max() == 0
@@ -138,12 +138,12 @@ def test_padding_is_attended_to(tiny, mixed):
 
 
 def test_a_first_frame_alone_is_all_that_its_action_decoder_sees(tiny, mixed):
-    model = PTAE(replace(tiny, film="first"))
+    model = PTAE(replace(tiny, freeze_video=True))
     later = replace(mixed, video=torch.cat([mixed.video[:, :1], mixed.video[:, 1:] + 1], dim=1))
     first = replace(mixed, video=mixed.video + 1)
     torch.testing.assert_close(model(later).joints, model(mixed).joints)
     assert (model(first).joints - model(mixed).joints).abs().max() > 1e-3
-    quick = model.quick(mixed).joints[mixed.step_mask]
+    quick = model.forward_fast(mixed).joints[mixed.step_mask]
     torch.testing.assert_close(quick, model(mixed).joints[mixed.step_mask])
 
 
@@ -264,7 +264,7 @@ def test_weights_that_do_not_say_by_which_eye_are_refused(tmp_path):
 
 def test_features_of_another_eye_are_refused(trained, few):
     with pytest.raises(ArtefactError, match="features of the CAE eeeeeeeeeeee, .* of ffffffffffff"):
-        trained.dataset(replace(few, eye="f" * 64))
+        trained.dataset(replace(few, encoder="f" * 64))
 
 
 @pytest.mark.parametrize(

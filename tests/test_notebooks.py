@@ -100,7 +100,7 @@ RULES = [
 ]
 
 
-def unpaired(book):
+def shuffle_scenes(book):
     """The chapters of which one half is missing."""
     return [name for name in chapters.chapter_names(book)
             if not all((book / f"{name}.{end}").exists() for end in ("md", "ipynb"))]  # fmt: skip
@@ -116,7 +116,7 @@ def too_large(book):
 
 
 def test_every_chapter_is_a_pair():
-    assert unpaired(BOOK) == []
+    assert shuffle_scenes(BOOK) == []
 
 
 def test_no_notebook_is_too_large():
@@ -220,7 +220,7 @@ def test_a_missing_half_and_a_large_file_are_found(tmp_path):
     (tmp_path / "02_two.ipynb").write_bytes(b" " * (notebooks.LIMIT_BYTES + 1))
     named = "```{toctree}\n:caption: Chapters\n\n01_one\n02_two\n```\n"
     (tmp_path / "index.md").write_text(named, encoding="utf-8")
-    assert unpaired(tmp_path) == ["01_one", "02_two"]
+    assert shuffle_scenes(tmp_path) == ["01_one", "02_two"]
     assert too_large(tmp_path) == ["02_two.ipynb"]
 
 

@@ -20,7 +20,7 @@ def rng():
 def test_a_linear_map_is_recovered(rng):
     features = rng.normal(3, [0.01, 1, 50], (40, 3))
     weights, offset = rng.normal(size=(3, 2)), np.array([7.0, -100.0])
-    read = probes.fit_numbers(features, features @ weights + offset, TINY)
+    read = probes.fit_regression(features, features @ weights + offset, TINY)
     fresh = rng.normal(size=(10, 3))
     np.testing.assert_allclose(read.numbers(fresh), fresh @ weights + offset, atol=1e-6)
 
@@ -30,21 +30,21 @@ def test_a_penalty_shrinks_by_the_formula(rng):
     x = rng.normal(size=500)
     x = (x - x.mean()) / x.std()
     y = 3 * x + rng.normal(size=500)
-    read = probes.fit_numbers(x[:, None], y[:, None], 0.5)
+    read = probes.fit_regression(x[:, None], y[:, None], 0.5)
     assert read.weights[0, 0] == pytest.approx(np.mean(x * (y - y.mean())) / 1.5)
     assert read.offset[0] == pytest.approx(y.mean())
 
 
 def test_a_feature_that_never_changes_does_no_harm(rng):
     features = np.c_[rng.normal(size=30), np.full(30, 4.0)]
-    read = probes.fit_numbers(features, features[:, :1], TINY)
+    read = probes.fit_regression(features, features[:, :1], TINY)
     np.testing.assert_allclose(read.numbers(features), features[:, :1], atol=1e-9)
 
 
 def test_labels_are_the_class_with_the_largest_number(rng):
     labels = np.arange(60) % 3
     features = np.eye(3)[labels] + 0.05 * rng.normal(size=(60, 3))
-    read = probes.fit_labels(features, labels)
+    read = probes.fit_classifier(features, labels)
     np.testing.assert_array_equal(read.labels(features), labels)
     np.testing.assert_array_equal(read.labels(np.eye(3)[[2, 0, 1]]), [2, 0, 1])
 
@@ -55,12 +55,12 @@ def test_labels_are_the_class_with_the_largest_number(rng):
 )
 def test_samples_that_do_not_match_are_refused(features, targets):
     with pytest.raises(ConfigError, match="fitted on samples x features and samples x targets, no"):
-        probes.fit_numbers(np.ones(features), np.ones(targets))
+        probes.fit_regression(np.ones(features), np.ones(targets))
 
 
 @pytest.mark.parametrize("shape", [(4, 3), (2,), (4, 2, 1)])
 def test_features_of_another_width_are_refused(unchecked, shape):
-    read = probes.fit_numbers(np.eye(5)[:, :2], np.ones((5, 1)))
+    read = probes.fit_regression(np.eye(5)[:, :2], np.ones((5, 1)))
     with pytest.raises(ConfigError, match="takes samples x 2 features, not"):
         read.numbers(np.ones(shape))
 

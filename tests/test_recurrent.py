@@ -16,7 +16,7 @@ def rows():
 
 def by_hand(cell, x, hidden, memory):
     """One step, gate by gate."""
-    gates = x @ cell.look.weight.T + cell.look.bias + hidden @ cell.recall.weight.T
+    gates = x @ cell.weight_ih.weight.T + cell.weight_ih.bias + hidden @ cell.weight_hh.weight.T
     i, f, g, o = gates.chunk(4, dim=1)
     p = cell.peepholes
     new = (f + p[1] * memory).sigmoid() * memory + (i + p[0] * memory).sigmoid() * g.tanh()
@@ -43,8 +43,13 @@ def test_all_rows_at_once_are_step_after_step(rows):
 def test_a_cell_starts_as_configured():
     torch.manual_seed(0)
     cell = make_cell(4, 25, 0.8, peepholes=True)
-    assert (cell.look.bias[25:50] == 0.8).all()
-    others = [cell.look.weight, cell.recall.weight, cell.peepholes, cell.look.bias[:25]]
+    assert (cell.weight_ih.bias[25:50] == 0.8).all()
+    others = [
+        cell.weight_ih.weight,
+        cell.weight_hh.weight,
+        cell.peepholes,
+        cell.weight_ih.bias[:25],
+    ]
     assert all(0.15 < part.abs().max() <= 0.2 for part in others)
 
 

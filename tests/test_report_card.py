@@ -14,7 +14,7 @@ from ptae_lite import artefacts
 from ptae_lite.data.samples import load_samples
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import claim_metrics, report_card, reported
-from ptae_lite.paper.claim_metrics import MARGIN, Claim, Tables, always, number
+from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables, always, number
 from ptae_lite.paper.claims import CLAIMS
 from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
 from ptae_lite.widgets import report_card as shown
@@ -25,7 +25,7 @@ PINNED = Path(__file__).parent / "verdicts.csv"
 
 
 def claim(values, reads=reported.AT_LEAST, **more):
-    paper = reported.Claim(80.0, "80 %", "somewhere", reads)
+    paper = reported.PaperNumber(80.0, "80 %", "somewhere", reads)
     return number("it is so", paper, lambda _: values, group="some", **more)
 
 
@@ -46,7 +46,7 @@ def test_a_number_is_read_in_one_direction(values, reads, expected):
 
 
 def test_the_margin_of_errors_is_narrower():
-    own = reported.Claim(1.0, "1 %", "somewhere", reported.AT_MOST)
+    own = reported.PaperNumber(1.0, "1 %", "somewhere", reported.AT_MOST)
     for error, expected in ((1.5, HELD), (1.51, NOT_HELD)):
         one = number("errs", own, lambda _, e=error: [e] * 3, "% NRMSE", group="some")
         assert report_card.verdict(one, NOTHING)[0] == expected
@@ -55,7 +55,7 @@ def test_the_margin_of_errors_is_narrower():
 
 def test_an_order_must_hold_with_every_seed():
     for values, expected in (([1, 2, 3], HELD), ([1, 2, -0.1], NOT_HELD), ([1, 2, 0], NOT_HELD)):
-        one = Claim("some", "first", "in words", lambda _, v=values: v, always)
+        one = ClaimTest("some", "first", "in words", lambda _, v=values: v, always)
         assert report_card.verdict(one, NOTHING)[0] == expected
 
 

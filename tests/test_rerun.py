@@ -13,7 +13,7 @@ import pytest
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
 from ptae_lite.experiments import tables
-from ptae_lite.files import alone
+from ptae_lite.files import file_lock
 from ptae_lite.reproduce import checks, pipeline, report, rerun, run_parallel
 from ptae_lite.reproduce.checks import arrays, judge, near, pictures, table
 from ptae_lite.reproduce.rerun import Rerun, Settings
@@ -110,16 +110,19 @@ def test_one_of_several_that_fails_is_a_failure_and_the_others_are_finished(tmp_
 def test_eyes_are_taken_from_where_their_study_leaves_them():
     from ptae_lite.experiments import encoders
 
-    (one,) = (one for one in STAGES if one.name == "eyes")
+    (one,) = (one for one in STAGES if one.name == "encoders")
     for name, path in one.lies.items():
         kind, recipe = (artefacts.load_weights(artefacts.stored(name))[1][k]
                         for k in ("kind", "recipe"))  # fmt: skip
-        (eye,) = (e for e, (k, code) in encoders.CAES.items() if k == kind and code == 10)
+        (encoder,) = (e for e, (k, code) in encoders.CAES.items() if k == kind and code == 10)
         length = recipe["steps"] * recipe["batch"]
-        assert path == f"eyes/{encoders.folder_of(eye, recipe['seed'])}/eye_{length}.safetensors"
-        assert length in encoders.CHECKPOINTS[eye]
+        assert (
+            path
+            == f"encoders/{encoders.folder_of(encoder, recipe['seed'])}/encoder_{length}.safetensors"
+        )
+        assert length in encoders.CHECKPOINTS[encoder]
     features = next(one for one in STAGES if one.name == "features").command
-    assert features.endswith("--eye {out}/" + one.lies["weights/cae.safetensors"])
+    assert features.endswith("--encoder {out}/" + one.lies["weights/cae.safetensors"])
 
 
 def test_a_file_that_lies_elsewhere_is_kept_under_its_stored_name(tiny, settings):
@@ -290,7 +293,7 @@ def test_a_full_run_into_the_data_folder_is_refused(capsys):
 
 
 def test_a_second_run_in_the_same_folder_is_refused(tmp_path, capsys):
-    with alone(tmp_path / "out"):
+    with file_lock(tmp_path / "out"):
         assert pipeline.main(["--out", str(tmp_path / "out")]) == 1
     message = f"full: another run is at work on {tmp_path / 'out'}; wait until it ends"
     assert message in capsys.readouterr().err
@@ -367,7 +370,7 @@ def test_arrays_are_compared_by_name(tmp_path, change, agrees):
 def test_film_strips_are_compared_by_their_light(tmp_path, light, agrees):
     def write(path, first):
         noise = np.random.default_rng(first).integers(90, 110, (2, 5, 12, 16, 3))
-        np.savez(path, films=(noise + light * first).astype(np.uint8), texts=np.array(["a", "b"]))
+        np.savez(path, videos=(noise + light * first).astype(np.uint8), texts=np.array(["a", "b"]))
 
     folders = two(tmp_path, "s.npz", write)
     assert judge("s.npz", checks.STRIPS, *folders).agrees is agrees
@@ -377,10 +380,10 @@ def test_film_strips_are_compared_by_their_light(tmp_path, light, agrees):
 
 def test_each_of_several_arrays_has_to_agree(tmp_path):
     def write(path, first):
-        np.savez(path, joints=np.zeros(5) + first, films=np.zeros(5000))
+        np.savez(path, joints=np.zeros(5) + first, videos=np.zeros(5000))
 
     verdict = judge(
-        "a.npz", arrays({"joints": 0.1, "films": 4}, 0.9), *two(tmp_path, "a.npz", write)
+        "a.npz", arrays({"joints": 0.1, "videos": 4}, 0.9), *two(tmp_path, "a.npz", write)
     )
     assert not verdict.agrees and verdict.says.startswith("0 of 5 numbers within; furthest: joints")
 
@@ -402,7 +405,7 @@ def test_answers_are_compared_by_their_texts(tmp_path, wrong, agrees):
 def test_every_table_and_every_array_is_compared_in_something():
     for one in STAGES:
         for name, check in one.makes.items():
-            if name.endswith(".csv") or (name.endswith(".npz") and check is not checks.READOUT):
+            if name.endswith(".csv") or (name.endswith(".npz") and check is not checks.PROBED):
                 assert check.compare(
                     name, artefacts.data_folder(), artefacts.data_folder()
                 ).agrees, name
@@ -458,7 +461,7 @@ def test_the_stored_eyes_and_features_agree_with_themselves_by_score():
     data = artefacts.data_folder()
     for one in STAGES:
         for name, check in one.makes.items():
-            if check is checks.READOUT or "draws" in check.states:
+            if check is checks.PROBED or "draws" in check.states:
                 assert check.compare(name, data, data).agrees, name
 
 
@@ -480,13 +483,13 @@ def test_an_eye_that_draws_worse_is_found(tmp_path):
         if not first:
             shutil.copyfile(artefacts.stored("weights/plain_cae.safetensors"), path)
             return
-        eye = vision.load_eye(artefacts.stored("weights/plain_cae.safetensors"))
+        encoder = vision.load_autoencoder(artefacts.stored("weights/plain_cae.safetensors"))
         with torch.no_grad():
-            eye.decoder[-2].bias += 0.5
-        vision.save_eye(path, eye)
+            encoder.decoder[-2].bias += 0.5
+        vision.save_autoencoder(path, encoder)
 
     folders = two(tmp_path, "weights/plain_cae.safetensors", write)
-    verdict = judge("weights/plain_cae.safetensors", checks.drawing(0.25), *folders)
+    verdict = judge("weights/plain_cae.safetensors", checks.reconstruction(0.25), *folders)
     assert not verdict.agrees and verdict.says.startswith("error of a pixel")
 
 

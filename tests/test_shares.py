@@ -21,7 +21,7 @@ KEY = supervision.KEY
 def made(model, mode, variant, share, seed, accuracy, error):
     key = [model, "recording", mode, variant, share, seed]
     scores = {"describe_accuracy": accuracy, "execute_nrmse": error}
-    return dict(zip(KEY, key, strict=True)) | scores | {"supervised_presentations": 1000 + seed}
+    return dict(zip(KEY, key, strict=True)) | scores | {"supervised_samples_seen": 1000 + seed}
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def test_the_papers_numbers_stand_beside_ours(table):
 
 
 def test_a_training_stands_where_its_labels_were_shown(table):
-    (axis,) = supervision_plots.by_presentations(table).axes
+    (axis,) = supervision_plots.by_samples_seen(table).axes
     labels = {line.get_label() for line in axis.lines}
     assert labels == {"samples, balanced", "samples, paper", "all labels", "chance"}
     assert {text.get_text() for text in axis.texts} == {"2", "10", "66.6"}

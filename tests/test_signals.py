@@ -188,9 +188,9 @@ def test_a_true_extra_input_is_the_sentence_and_the_moving_clip(source, signal):
     """`repeat both` has both by its wiring; all else stays the signal's own."""
     samples, sentences = torch.tensor([SLOW, FAST, SLOW]), torch.tensor([EIGHTH, 0, 3])
 
-    def build(name, extra=None):
+    def build(name, congruent_input=None):
         numbers = torch.full((3,), signals.signal_number(name))
-        return signals.build(source, samples, numbers, sentences, extra=extra)
+        return signals.build(source, samples, numbers, sentences, congruent_input=congruent_input)
 
     given, plain = build(signal, torch.tensor([True, True, False])), build(signal)
     whole = build("repeat both")
@@ -207,9 +207,11 @@ def test_a_true_extra_input_is_the_sentence_and_the_moving_clip(source, signal):
 
 def test_a_clip_whose_sentence_is_told_is_not_blended(source):
     numbers = torch.full((3,), signals.signal_number("describe"))
-    told = torch.tensor([True, False, False])
-    batch = signals.build(source, torch.tensor([0, 500, 7]), numbers, 0 * numbers, extra=told)
-    mixed = signals.blend(batch, torch.full((3,), 0.6), torch.tensor([1, 2, 0]))
+    sentence_from = torch.tensor([True, False, False])
+    batch = signals.build(
+        source, torch.tensor([0, 500, 7]), numbers, 0 * numbers, congruent_input=sentence_from
+    )
+    mixed = signals.mixup(batch, torch.full((3,), 0.6), torch.tensor([1, 2, 0]))
     assert torch.equal(mixed.share, torch.tensor([1, 0.6, 1]))
     assert torch.equal(mixed.keys[[0, 2]], batch.keys[[0, 2]])
 
@@ -221,7 +223,7 @@ def test_two_clips_are_blended_only_where_both_are_to_be_described(source):
         source, torch.tensor([0, 500, 7, 30]), numbers, torch.zeros(4, dtype=torch.long)
     )
     share = torch.tensor([0.75, 0.5, 0.6, 0.7])
-    mixed = signals.blend(batch, share, torch.tensor([1, 0, 3, 2]))
+    mixed = signals.mixup(batch, share, torch.tensor([1, 0, 3, 2]))
     expected = 0.75 * batch.keys[0] + 0.25 * batch.keys[1]
     torch.testing.assert_close(mixed.keys[0], expected)
     assert torch.equal(mixed.keys[2:], batch.keys[2:])

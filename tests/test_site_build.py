@@ -7,7 +7,7 @@ import pytest
 
 from ptae_lite.book import site
 from ptae_lite.errors import FileError
-from ptae_lite.files import alone
+from ptae_lite.files import file_lock
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_a_killed_kernel_is_told_as_such(said, killed, sphinx, tmp_path, capsys)
 def test_two_builds_at_once_are_refused(sphinx, tmp_path):
     sphinx()
     with (
-        alone(tmp_path / "html"),
+        file_lock(tmp_path / "html"),
         pytest.raises(FileError, match="another run is at work on .*html; wait until it ends"),
     ):
         site.build(tmp_path)

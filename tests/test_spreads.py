@@ -4,10 +4,10 @@ import pandas as pd
 import pytest
 
 from ptae_lite.errors import PTAEError
-from ptae_lite.plots.vision import spreads
+from ptae_lite.plots.vision import dots_by_seed
 
 ROWS = pd.DataFrame({
-    "eye": ["a"] * 4 + ["b"], "seed": [0, 1, 0, 1, 0], "n": [10, 10, 20, 20, 10],
+    "encoder": ["a"] * 4 + ["b"], "seed": [0, 1, 0, 1, 0], "n": [10, 10, 20, 20, 10],
     "right": [50, 60, 70, 90, 5], "error": [5, 4, 3, 1, 9],
 })  # fmt: skip
 
@@ -15,7 +15,7 @@ ROWS = pd.DataFrame({
 def test_each_panel_has_dots_means_and_levels():
     level = pd.Series({"right": 99, "error": 2})
     panels = {"right": "right, %", "error": "error, mm"}
-    figure = spreads(ROWS, "eye", "n", panels, "shown", {"PCA": level})
+    figure = dots_by_seed(ROWS, "encoder", "n", panels, "shown", {"PCA": level})
     assert [axes.get_title() for axes in figure.axes] == list(panels.values())
     right = figure.axes[0]
     dots, mean, _, other, flat = (line.get_xydata().tolist() for line in right.lines)
@@ -29,7 +29,7 @@ def test_each_panel_has_dots_means_and_levels():
 
 def test_with_ticks_each_doubling_is_a_step_of_the_same_width():
     rows = ROWS.assign(n=[0, 10, 20, 40, 80])
-    (axes,) = spreads(rows, "eye", "n", {"right": "%"}, "shown", ticks=[0, 10, 1000]).axes
+    (axes,) = dots_by_seed(rows, "encoder", "n", {"right": "%"}, "shown", ticks=[0, 10, 1000]).axes
     assert [text.get_text() for text in axes.get_xticklabels()] == ["0", "10", "1,000"]
     assert not len(axes.get_xticks(minor=True))
     places = axes.transData.transform([(n, 0) for n in (0, 10, 20, 40, 80)])[:, 0]
@@ -38,6 +38,6 @@ def test_with_ticks_each_doubling_is_a_step_of_the_same_width():
 
 
 def test_more_groups_than_can_be_told_apart_are_refused():
-    rows = pd.DataFrame({"eye": list("abcde"), "n": 1, "right": 2})
+    rows = pd.DataFrame({"encoder": list("abcde"), "n": 1, "right": 2})
     with pytest.raises(PTAEError, match="tell 4 groups apart, not 5"):
-        spreads(rows, "eye", "n", {"right": "%"}, "shown")
+        dots_by_seed(rows, "encoder", "n", {"right": "%"}, "shown")

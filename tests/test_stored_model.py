@@ -26,7 +26,7 @@ def test_it_was_trained_by_the_default_recipe_on_all_training_samples(stored):
 
 
 def test_it_sees_through_the_stored_eye(stored):
-    assert stored.about["eye"] == artefacts.entry_of("weights/cae.safetensors")["sha256"]
+    assert stored.about["encoder"] == artefacts.entry_of("weights/cae.safetensors")["sha256"]
 
 
 def test_it_describes_the_test_samples(scores):

@@ -154,9 +154,9 @@ def test_the_stored_recording_is_what_this_version_records(simulator, stored):
 
 def test_stored_frames_are_the_chosen_ones():
     assert frames.stored_keys() == frames.choice()
-    films = frames.film_patterns()
-    assert [patterns()[i].action_index for i in films] == list(range(12))
-    assert {patterns()[i].split for i in films} == {"train"}
+    videos = frames.video_patterns()
+    assert [patterns()[i].action_index for i in videos] == list(range(12))
+    assert {patterns()[i].split for i in videos} == {"train"}
 
 
 def test_a_frame_that_is_not_stored_is_refused_with_those_that_are():
@@ -216,7 +216,7 @@ def test_a_linear_read_out_of_first_frames_knows_colours_and_places():
     first, test = probes.first(samples.features), samples.split("test")
     hits = []
     for labels in probes.colours(samples).values():
-        read = probes.fit_labels(first[samples.split("train")], labels[samples.split("train")])
+        read = probes.fit_classifier(first[samples.split("train")], labels[samples.split("train")])
         hits.append(read.labels(first[test]) == labels[test])
     assert np.mean(hits[0] & hits[1]) >= 0.99
     assert probes.place_errors_mm(samples, first, samples.cubes[:, 0])["distance"] <= 4

@@ -12,7 +12,7 @@ from ptae_lite import artefacts
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.signals import Source
 from ptae_lite.experiments import conflict_examples, incongruence_table
-from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.answer_source import SOURCES
 from ptae_lite.experiments.incongruence import (
     ANSWERS_WORDS,
     EXTRA_INPUT,
@@ -28,7 +28,7 @@ from ptae_lite.widgets import conflict_cards
 POSITIONS = list(
     product(conflict_cards.SIGNALS, conflict_cards.PLACES, range(4), conflict_cards.FIRST)
 )
-FILMS = np.zeros((12, 6, 60, 80, 3), np.uint8)
+NOISY_VIDEOS = np.zeros((12, 6, 60, 80, 3), np.uint8)
 
 
 @pytest.fixture(scope="module")
@@ -56,34 +56,34 @@ def model():
 
 
 @pytest.fixture(scope="module")
-def told(trained, samples):
-    return conflict_examples.tell(trained, samples, int(samples.split("test")[1]), FILMS)
+def answers(trained, samples):
+    return conflict_examples.tell(trained, samples, int(samples.split("test")[1]), NOISY_VIDEOS)
 
 
-def test_a_clip_is_told_under_every_condition(trained, samples, told):
-    assert len(told.told) == 69 and len(told.joints) == 35
+def test_a_clip_is_told_under_every_condition(trained, samples, answers):
+    assert len(answers.answers) == 69 and len(answers.joints) == 35
     indices = samples.split("test")
     for signal in EXTRA_INPUT:
         for condition in conditions(signal):
-            row = told.of(condition)
+            row = answers.of(condition)
             assert (row.track >= 0) == (signal not in ANSWERS_WORDS)
             drawn = extra_inputs(samples, indices, condition)[1]  # as in the table
-            assert (row.sentence or row.clip) == drawn and row.follows in FOLLOWED
+            assert (row.sentence or row.clip) == drawn and row.follows in SOURCES
     condition = Condition("execute", "vision", ("speed",))
     answer = respond_under(trained, Source(trained.dataset(samples)), indices[:2], condition)
     again = trained.scaling.joints_back(answer.joints[1].numpy())
-    np.testing.assert_allclose(told.joints[told.of(condition).track], again, atol=1e-4)
+    np.testing.assert_allclose(answers.joints[answers.of(condition).track], again, atol=1e-4)
 
 
 def test_what_is_written_is_read_back(trained, samples, tmp_path):
-    paths = conflict_examples.write(tmp_path / "new", trained, samples, FILMS)
-    assert [path.name for path in paths] == [conflict_examples.TOLD, conflict_examples.KEPT]
+    paths = conflict_examples.write(tmp_path / "new", trained, samples, NOISY_VIDEOS)
+    assert [path.name for path in paths] == [conflict_examples.ANSWERS, conflict_examples.KEPT]
     again = conflict_examples.load(lambda name: tmp_path / "new" / name)
-    first = conflict_examples.tell(trained, samples, int(samples.split("test")[0]), FILMS)
+    first = conflict_examples.tell(trained, samples, int(samples.split("test")[0]), NOISY_VIDEOS)
     assert again.index == first.index
-    pd.testing.assert_frame_equal(again.told, first.told, check_dtype=False)
+    pd.testing.assert_frame_equal(again.answers, first.answers, check_dtype=False)
     np.testing.assert_array_equal(again.joints, first.joints)
-    np.testing.assert_array_equal(again.films, FILMS)
+    np.testing.assert_array_equal(again.strips, NOISY_VIDEOS)
 
 
 def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_path, capsys):
@@ -91,14 +91,14 @@ def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_p
     monkeypatch.setattr(artefacts, "stored", lambda name: name)
     monkeypatch.setattr(checkpoint, "load", lambda path: trained)
     monkeypatch.setattr(conflict_examples, "load_samples", lambda name: samples)
-    monkeypatch.setattr(conflict_examples, "film", lambda *given: FILMS)
+    monkeypatch.setattr(conflict_examples, "picture_strips", lambda *given: NOISY_VIDEOS)
     monkeypatch.setenv("PTAE_DATA", str(tmp_path))
     monkeypatch.setattr(artefacts, "register", lambda name, **about: noted.update({name: about}))
     assert conflict_examples.main(["--out", str(tmp_path / "look")]) == 0
-    assert not noted and (tmp_path / "look" / conflict_examples.TOLD).exists()
+    assert not noted and (tmp_path / "look" / conflict_examples.ANSWERS).exists()
     assert conflict_examples.main(["--store"]) == 0
     assert set(noted) == {
-        f"results/{name}" for name in (conflict_examples.TOLD, conflict_examples.KEPT)
+        f"results/{name}" for name in (conflict_examples.ANSWERS, conflict_examples.KEPT)
     }
     assert all(
         "experiments.conflict_examples --store" in about["command"] for about in noted.values()
@@ -130,26 +130,26 @@ def test_the_stored_weights_still_give_the_stored_values(stored, table, recorded
     own = table[table["seed"] == 0]
     which = (own["signal"] == condition.signal) & (own["conflict_in"] == condition.conflict_in)
     row = own[which & (own["aspects"] == " ".join(condition.aspects))].iloc[0]
-    for name in ("accuracy", "nrmse", *FOLLOWED):
+    for name in ("accuracy", "nrmse", *SOURCES):
         limit = 0.05 if name == "nrmse" else 1.0
         assert row[name] == pytest.approx(again[name], abs=limit, nan_ok=True)
-    told = stored.of(condition)
+    answers = stored.of(condition)
     source = Source(model.dataset(recorded))
-    (extra,) = {told.sentence or told.clip}
+    (extra,) = {answers.sentence or answers.clip}
     answer = respond_under(model, source, [stored.index], condition, extra=[extra])
-    if told.track >= 0:
+    if answers.track >= 0:
         made = model.scaling.joints_back(answer.joints[0].numpy())
-        np.testing.assert_allclose(stored.joints[told.track], made, atol=0.02)
+        np.testing.assert_allclose(stored.joints[answers.track], made, atol=0.02)
     else:
-        assert conflict_examples.sentences(answer) == [told.answer]
+        assert conflict_examples.sentences(answer) == [answers.answer]
 
 
 def test_films_show_the_clips_arrangement(stored, recorded):
-    assert stored.films.shape == (12, 6, 60, 80, 3)
-    first = stored.films[:, 0].astype(int)
+    assert stored.strips.shape == (12, 6, 60, 80, 3)
+    first = stored.strips[:, 0].astype(int)
     # before the motion all 12 show the same two cubes, nearly in their places
     assert np.abs(first - first[0]).mean(axis=(1, 2, 3)).max() < 12
-    moving = np.abs(stored.films.astype(int) - first[:, None]).mean(axis=(2, 3, 4))
+    moving = np.abs(stored.strips.astype(int) - first[:, None]).mean(axis=(2, 3, 4))
     assert (moving[:, 2:5].max(axis=1) > 8).all()
 
 

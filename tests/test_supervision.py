@@ -93,7 +93,7 @@ def supervised(built, model="ptae"):
     return sum(map(len, parts)), {int(i) for part in parts for i in part}
 
 
-@pytest.mark.parametrize("variant", ["paper", "balanced", "unpaired", "covering"])
+@pytest.mark.parametrize("variant", ["paper", "balanced", "shuffled-scenes", "covering"])
 @pytest.mark.parametrize(
     ("model", "share"), [("ptae", 5), ("ptae", 50), ("ptae", 90), ("pgae", 25)]
 )
@@ -106,7 +106,7 @@ def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
     count, asked = supervised(idle, model)
     assert len(idle) == trained.about["steps"] == 12
     assert asked and asked <= chosen and trained.about["labelled"] == len(chosen)
-    assert trained.about["supervised_presentations"] == count
+    assert trained.about["supervised_samples_seen"] == count
     numbers = [signal_number(signal) for signal in NEED_LABEL[model]]
     for part, signals, _ in idle:
         np.testing.assert_array_equal(np.isin(part, list(chosen)), np.isin(signals, numbers))
@@ -121,7 +121,7 @@ def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
 
 @pytest.mark.parametrize("variant", ["paper", "balanced"])
 def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch, variant):
-    bound, real = [], PVAE.costs
+    bound, real = [], PVAE.loss
 
     def costs(self, batch, paired):
         bound.append(paired.numpy())
@@ -133,7 +133,7 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
             torch.testing.assert_close(found, moved)
         return real(self, batch, paired)
 
-    monkeypatch.setattr(PVAE, "costs", costs)
+    monkeypatch.setattr(PVAE, "loss", costs)
     this = job(25, model="pvae", variant=variant)
     prae = replace(small_configs["pvae"], variational=False)
     monkeypatch.setitem(training.MODELS, "pvae", MODELS["pvae"]._replace(config=type(prae)))
@@ -144,15 +144,15 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
     chosen = supervision.labelled(few, this)
     for paired, (part, *_) in zip(bound, small, strict=True):
         np.testing.assert_array_equal(paired, np.isin(part, chosen))
-    assert about["supervised_presentations"] == sum(paired.sum() for paired in bound)
+    assert about["supervised_samples_seen"] == sum(paired.sum() for paired in bound)
     assert {int(i) for part, *_ in small for i in part} > set(chosen.tolist())
 
 
 def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
     """Whatever partners are drawn: what was blended is to be described, and so is its partner."""
-    seen, real = [], batches.blend
+    seen, real = [], batches.mixup
 
-    def blend(batch, share, partner):
+    def mixup(batch, share, partner):
         made = real(batch, share, partner)
         own, other = idle[-1][0], idle[-1][0][partner]
         changed = ((made.keys != batch.keys).flatten(1).any(1) | (made.share < 1)).numpy()
@@ -161,7 +161,7 @@ def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
         seen.extend([*own[changed], *other[changed]])
         return made
 
-    monkeypatch.setattr(batches, "blend", blend)
+    monkeypatch.setattr(batches, "mixup", mixup)
     this = job(50)
     supervision.fit(few, this, Recipe(epochs=4, batch=8))
     assert seen and set(seen) <= set(supervision.labelled(few, this).tolist())
@@ -169,7 +169,7 @@ def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
 
 @pytest.mark.parametrize("mode", ["samples", "iterations"])
 def test_unpaired_sentences_are_repeated_beside_the_scene_of_a_stranger(few, idle, mode):
-    for variant in ("balanced", "unpaired"):
+    for variant in ("balanced", "shuffled-scenes"):
         idle.clear()
         supervision.fit(few, job(25, mode=mode, variant=variant), Recipe(epochs=4, batch=8))
         own = np.concatenate([p == told for p, _, told in idle])
@@ -188,7 +188,7 @@ def test_few_supervised_updates_use_any_sample(few, idle, model, share):
     about = supervision.fit(few, this, Recipe(epochs=40, batch=8)).about
     count, asked = supervised(idle, model)
     assert count / (40 * 24) == pytest.approx(share / 100, abs=0.03)
-    assert about["supervised_presentations"] == count and about["labelled"] == 24
+    assert about["supervised_samples_seen"] == count and about["labelled"] == 24
     assert asked <= set(few.split("train").tolist()) and len(asked) > 8
     if model == "pgae":  # describe, execute and repeat both share them equally
         signals = np.concatenate([signals for _, signals, _ in idle])
@@ -372,7 +372,7 @@ def test_rows_that_are_stored_are_not_made_again(samples, trainings, tmp_path):
 
 
 def test_two_data_sets_may_share_a_table(few, trainings, tmp_path):
-    theirs = replace(few, eye="authors")
+    theirs = replace(few, encoder="authors")
     for samples in (few, theirs):
         table = supervision.study(samples, tmp_path, [job(50)], QUICK)
     assert len(trainings) == 2 and table["data"].tolist() == ["authors", "recording"]

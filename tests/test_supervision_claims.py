@@ -127,11 +127,11 @@ def test_what_a_longer_training_makes_of_few_iterations(table):
     assert rows.loc[2, "describe_accuracy"] == pytest.approx(94.4, abs=0.5)
     assert rows.loc[2, "describe_accuracy"] > short[10, 0] > short[20, 0]
     assert short[2, 0] < 50 and 55 < rows.loc[1, "describe_accuracy"] < 62
-    shown = of_iterations.set_index(["variant", "share", "seed"])["supervised_presentations"]
-    assert 0.75 < rows.loc[1, "supervised_presentations"] / shown["paper", 10, 0] < 1
+    shown = of_iterations.set_index(["variant", "share", "seed"])["supervised_samples_seen"]
+    assert 0.75 < rows.loc[1, "supervised_samples_seen"] / shown["paper", 10, 0] < 1
     assert shown["paper"][[1, 2]].between(500, 1100).all()
     steps = rows.loc[1, "steps"]
-    assert 3.5 < steps / rows.loc[1, "supervised_presentations"] < 4
+    assert 3.5 < steps / rows.loc[1, "supervised_samples_seen"] < 4
     assert (rows["execute_nrmse"] < 1.4).all()
     assert (supervision_plots.rows_of(table, "ptae", "iterations")["execute_nrmse"] > 1.6).all()
 
@@ -230,7 +230,7 @@ def test_the_colour_is_lost_first(ptae, linear):
 
 def test_presentations_are_the_same_at_every_share_of_the_balanced_variant(table):
     shown = table[(table["model"] == "ptae") & (table["variant"] == "balanced")]
-    assert shown["supervised_presentations"].nunique() == 1
+    assert shown["supervised_samples_seen"].nunique() == 1
     assert round(shown["describe_accuracy"].max()) == 100
     assert round(shown["describe_accuracy"].min()) == 6
 
@@ -261,7 +261,7 @@ def test_choosing_labels_helps_no_network_and_doubling_them_does(table):
 
 
 def test_a_sentence_beside_its_own_scene_teaches(table):
-    own, other = (by_seed(table, variant) for variant in ("balanced", "unpaired"))
+    own, other = (by_seed(table, variant) for variant in ("balanced", "shuffled-scenes"))
     assert set(other.index) == {(share, seed) for share in (2, 10, 50) for seed in (0, 1, 2)}
     lost = own[other.index] - other
     assert lost[10].between(12, 19).all() and 14 < lost[10].mean() < 16
@@ -269,7 +269,7 @@ def test_a_sentence_beside_its_own_scene_teaches(table):
     assert (lost[2] > 0).sum() == 2
 
     def change(column):
-        mine, others = (by_seed(table, v, column) for v in ("balanced", "unpaired"))
+        mine, others = (by_seed(table, v, column) for v in ("balanced", "shuffled-scenes"))
         return (mine - others).dropna().loc[[10, 50]]
 
     assert (change("colour_accuracy") > 4).all()
@@ -285,7 +285,7 @@ def test_showing_few_labels_more_often_does_not_help(table, linear):
     assert (gain[5] > 0).all() and (gain[1] > 0).sum() == (gain[2] > 0).sum() == 2
     assert (gain[[20, 50, 66.6]] < 0).all() and gain[[20, 50, 66.6]].min() > -8
     assert abs(gain[10].mean()) < 2
-    shown = [by_seed(table, v, "supervised_presentations") for v in ("paper", "balanced")]
+    shown = [by_seed(table, v, "supervised_samples_seen") for v in ("paper", "balanced")]
     often = (shown[0] / shown[1]).dropna()
     assert (often[[1, 2, 5, 10, 20]] < 0.5).all() and (often[50] == 1).all()
     assert (often[66.6] > 1.2).all()

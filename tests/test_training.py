@@ -12,7 +12,7 @@ from ptae_lite import training
 from ptae_lite.data import batches
 from ptae_lite.data.batches import draw_partners, draw_signals, epoch_batches
 from ptae_lite.data.scaling import fit_scaling
-from ptae_lite.data.signals import SUPERVISED, UNSUPERVISED, Batch, blend, build, signal_number
+from ptae_lite.data.signals import SUPERVISED, UNSUPERVISED, Batch, build, mixup, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import COLOURS, patterns
 from ptae_lite.models.common import Answer, losses
@@ -45,22 +45,24 @@ def test_losses_by_hand(source):
 def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
     given, real = [], batches.build
 
-    def build(source, samples, signals, alternative, hold, extra, told):
-        given.append(extra)
-        return real(source, samples, signals, alternative, hold, extra, told)
+    def build(source, samples, signals, alternative, hold_steps, congruent_input, sentence_from):
+        given.append(congruent_input)
+        return real(
+            source, samples, signals, alternative, hold_steps, congruent_input, sentence_from
+        )
 
     monkeypatch.setattr(batches, "build", build)
-    training.train(few, Recipe(epochs=20, batch=8, extra=0.25), config=tiny)
+    training.train(few, Recipe(epochs=20, batch=8, congruent_input=0.25), config=tiny)
     assert torch.cat(given).float().mean() == pytest.approx(0.25, abs=0.06)
     given.clear()
     training.train(few, Recipe(epochs=1, batch=8), config=tiny)
     assert given == [None] * 3
 
 
-@pytest.mark.parametrize("extra", [-0.1, 1.5])
-def test_a_wrong_share_of_extra_input_is_refused(extra):
-    with pytest.raises(ConfigError, match=f"extra is {extra}; it is a share from 0 to 1"):
-        Recipe(extra=extra)
+@pytest.mark.parametrize("congruent_input", [-0.1, 1.5])
+def test_a_wrong_share_of_extra_input_is_refused(congruent_input):
+    with pytest.raises(ConfigError, match=f"extra is {congruent_input}; it is a share from 0 to 1"):
+        Recipe(p_congruent_input=congruent_input)
 
 
 def test_a_perfect_answer_costs_nothing(source):
@@ -148,14 +150,14 @@ def test_the_same_seed_gives_the_same_weights_and_another_others(few, tiny):
 
 
 def test_training_lowers_both_losses_and_tells_every_epoch(few, tiny):
-    told = []
+    sentence_from = []
     trained = training.train(
         few,
         Recipe(epochs=10, batch=8, learning_rate=0.02),
         config=tiny,
-        on_epoch=lambda epoch, now: told.append((epoch, len(now.about["history"]))),
+        on_epoch=lambda epoch, now: sentence_from.append((epoch, len(now.about["history"]))),
     )
-    assert told == [(epoch, epoch) for epoch in range(1, 11)]
+    assert sentence_from == [(epoch, epoch) for epoch in range(1, 11)]
     first, last = (np.array(trained.about["history"][i]) for i in (0, -1))
     assert (last < first).all()
     assert trained.about["steps"] == 10 * 3 and not trained.model.training
@@ -257,7 +259,7 @@ def test_held_out_patterns_ask_what_the_test_patterns_ask(samples):
 def test_the_action_decoder_learns_at_its_own_pace(few, tiny):
     """Without a pace it stays as it was made; the rest does not."""
     torch.manual_seed(0)
-    recipe = Recipe(epochs=1, batch=8, action_pace=0, seed=3)
+    recipe = Recipe(epochs=1, batch=8, action_lr_scale=0, seed=3)
     trained = training.train(few, recipe, config=tiny).model
     torch.manual_seed(3)
     fresh = type(trained)(tiny)
@@ -279,7 +281,7 @@ def test_a_blended_clip_asks_for_both_sentences_in_its_shares(make_batch):
     answer = Answer(torch.randn(2, 4, 23).log_softmax(2), torch.zeros(2, 99, 5),
                     torch.zeros(2, 1), torch.zeros(2, 1, 6, 100))  # fmt: skip
     shares, partner = torch.tensor([0.7, 0.6]), torch.tensor([1, 0])
-    found = losses(answer, blend(batch, shares, partner))[0]
+    found = losses(answer, mixup(batch, shares, partner))[0]
     own = losses(answer, batch)[0]
     swapped = losses(answer, replace(batch, words=batch.words[partner]))[0]
     steps = -answer.words.gather(2, batch.words[..., None])[..., 0].mean(1)
@@ -289,8 +291,8 @@ def test_a_blended_clip_asks_for_both_sentences_in_its_shares(make_batch):
 
 
 def test_without_mixup_no_clip_is_blended(few, tiny, monkeypatch):
-    seen, real = [], batches.blend
-    monkeypatch.setattr(batches, "blend", lambda *parts: seen.append(1) or real(*parts))
+    seen, real = [], batches.mixup
+    monkeypatch.setattr(batches, "mixup", lambda *parts: seen.append(1) or real(*parts))
     for mixup, steps in ((False, 0), (True, 3)):
         training.train(few, Recipe(epochs=1, batch=8, mixup=mixup), config=tiny)
         assert len(seen) == steps

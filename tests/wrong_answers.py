@@ -22,7 +22,7 @@ def nrmse(made, truth, frames, joint_range):
     errors = ((made - truth) / joint_range)[there]
 """
 BATCHES = "def batches(rng, train, labelled, count, size):\n"
-FOLLOWED = (
+SOURCES = (
     "def followed(said, told, shown):\n    colour = lambda text: language.parse(text).colour\n"
 )
 DONE = "def done(before, after, frames, action, side, speed): "
@@ -196,7 +196,7 @@ def on_plane(column, row, z_m):
         ("[language.parse(text).colour for", "[language.parse(text) for"),
         ("[language.parse(text).colour for", "[language.parse(text).action for"),
         ("[language.parse(text).colour for", "[language.parse(text)[1:] for"),
-        FOLLOWED
+        SOURCES
         + "    wrong = [s for s, t, v in zip(said, told, shown) if colour(s) != colour(v)]\n"
         "    return 100 * len({*wrong} & {*told}) / max(len(wrong), 1)",
         # Near misses.

@@ -15,8 +15,7 @@ from pathlib import Path
 
 import torch
 
-from ptae_lite import study_command
-from ptae_lite.console import (
+from ptae_lite.cli import (
     RECORDING,
     bar,
     caution,
@@ -26,7 +25,8 @@ from ptae_lite.console import (
     whole_number,
 )
 from ptae_lite.errors import PTAEError
-from ptae_lite.files import alone, check_writable
+from ptae_lite.experiments.registry import STUDIES
+from ptae_lite.files import check_writable, file_lock
 from ptae_lite.models import MODELS
 from ptae_lite.pipes import piped
 
@@ -55,15 +55,17 @@ def do_features(options) -> dict:
     from ptae_lite.data.samples import write_features
     from ptae_lite.robot.recorder import check_ours
 
-    eye_file = Path(options.eye) if options.eye else artefacts.stored("weights/cae.safetensors")
-    eye = vision.load_eye(eye_file)
+    encoder_file = (
+        Path(options.encoder) if options.encoder else artefacts.stored("weights/cae.safetensors")
+    )
+    encoder = vision.load_autoencoder(encoder_file)
     check_ours(options.data, same_scene=False)
     torch.set_num_threads(options.threads)
     path = Path(options.data) / "features.npz"
-    with alone(options.data):
+    with file_lock(options.data):
         progress = partial(bar, desc="features", unit=" samples")
-        codes = vision.encode_recording(eye, options.data, progress)
-        write_features(path, codes, eye_file)
+        codes = vision.encode_recording(encoder, options.data, progress)
+        write_features(path, codes, encoder_file)
     return {"features": str(path), "frames": len(codes)}
 
 
@@ -74,7 +76,7 @@ def do_train(options) -> dict:
     refuse_data(options.out, "build/weights")
     check_writable(options.out)  # now, and not after the training
     if options.model in ("cae", "plain-cae"):
-        return _train_eye(options)
+        return _train_autoencoder(options)
     from ptae_lite import training
     from ptae_lite.data.samples import load_samples
     from ptae_lite.evaluation import evaluate
@@ -133,23 +135,49 @@ def _rounded(scores: dict) -> dict:
     return {name: round(value, 3) for name, value in scores.items()}
 
 
-def _train_eye(options) -> dict:
+def _train_autoencoder(options) -> dict:
     from ptae_lite import vision
     from ptae_lite.data import frames
 
-    recipe = vision.EyeRecipe(seed=options.seed)
+    recipe = vision.AutoencoderRecipe(seed=options.seed)
     if options.epochs is not None:
         raise PTAEError("a CAE is trained by --steps, not by --epochs")
     if options.steps is not None:
-        recipe = vision.EyeRecipe(seed=options.seed, steps=options.steps)
-    eye = vision.make_eye("separated" if options.model == "cae" else "plain", options.code)
+        recipe = vision.AutoencoderRecipe(seed=options.seed, steps=options.steps)
+    encoder = vision.make_autoencoder(
+        "separated" if options.model == "cae" else "plain", options.code
+    )
     images = frames.training_images(options.data)
-    losses = vision.train_eye(
-        eye, images, recipe, device=options.device,
+    losses = vision.train_autoencoder(
+        encoder, images, recipe, device=options.device,
         progress=lambda steps: bar(steps, desc="CAE", unit=" steps"),
     )  # fmt: skip
-    vision.save_eye(options.out, eye, recipe)
+    vision.save_autoencoder(options.out, encoder, recipe)
     return {"weights": str(options.out), "loss": round(sum(losses[-100:]) / len(losses[-100:]), 4)}
+
+
+def do_study(options) -> dict:
+    torch.set_num_threads(options.threads)
+    refuse_data(options.out, "build/results")
+    with file_lock(Path(options.out) / options.name):  # two would lose each other's rows
+        return STUDIES[options.name].command(options)
+
+
+def add_studies(parser: argparse.ArgumentParser) -> None:
+    """A parser for each of `STUDIES`."""
+    studies = parser.add_subparsers(dest="name", required=True, metavar="NAME")
+    for name, study in STUDIES.items():
+        text = study.__doc__.strip().splitlines()[0]
+        made = studies.add_parser(
+            name, help=text, description=text,
+            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        )  # fmt: skip
+        made.add_argument("--json", action="store_true", help="print one line of JSON")
+        study.add_options(made)
+        made.add_argument(
+            "--threads", type=whole_number(1), default=1, help="threads inside one training"
+        )
+        made.add_argument("--out", default="build/results", help="folder of the tables")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -176,7 +204,7 @@ def parser() -> argparse.ArgumentParser:
 
     features = command("features", do_features, "Turn all recorded frames into CAE features.")
     features.add_argument("--data", default=RECORDING, help="a recording's folder")
-    features.add_argument("--eye", help="weights of a CAE (default: the stored one)")
+    features.add_argument("--encoder", help="weights of a CAE (default: the stored one)")
     features.add_argument("--threads", type=whole_number(1), default=2, help="threads for the CAE")
 
     train = command("train", do_train, "Train a model and write its weights.")
@@ -209,7 +237,7 @@ def parser() -> argparse.ArgumentParser:
     test.add_argument("--threads", type=whole_number(1), default=1, help="threads")
 
     text = "Run an experiment; rows that are there are not run again."
-    study_command.add_studies(command("study", study_command.run, text, json=False))
+    add_studies(command("study", do_study, text, json=False))
     return main
 
 

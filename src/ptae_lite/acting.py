@@ -26,18 +26,18 @@ class Actor:
         watch: look at every frame, also where the model takes only the first.
 
     Raises:
-        ConfigError: the model is no PTAE, or takes other features than this eye makes.
+        ConfigError: the model is no PTAE, or takes other features than this encoder makes.
         LanguageError: no sentence of this language.
     """
 
-    def __init__(self, trained: Trained, eye: nn.Module, sentence: str | None, watch=False):
+    def __init__(self, trained: Trained, encoder: nn.Module, sentence: str | None, watch=False):
         if trained.model.kind != "ptae":
             raise ConfigError(
                 f"only a PTAE can act in the loop, and this is a {trained.model.kind.upper()}; "
                 "train one with: python -m ptae_lite train ptae"
             )
-        self.trained, self.eye = trained, eye
-        self.watch = watch or trained.model.config.film == "clip"
+        self.trained, self.encoder = trained, encoder
+        self.watch = watch or not trained.model.config.freeze_video
         tokens = [signal_index("execute"), *(encode(sentence) if sentence else [EOS] * 5)]
         self.tokens = torch.tensor([tokens])
         self.states: list | None = None
@@ -47,11 +47,11 @@ class Actor:
     def __call__(self, look, joints_rad) -> np.ndarray:
         model, scaling = self.trained.model, self.trained.scaling
         if self.watch or not self.looks:
-            self.looks.append(encode_images(self.eye, look()[None])[0])
+            self.looks.append(encode_images(self.encoder, look()[None])[0])
         if len(self.looks[-1]) != model.config.features:
             raise ConfigError(
-                f"this eye makes {len(self.looks[-1])} features of an image, and the model was "
-                f"trained on {model.config.features}; load the eye that it was trained with"
+                f"this encoder makes {len(self.looks[-1])} features of an image, and the model was "
+                f"trained on {model.config.features}; load the encoder that it was trained with"
             )
         seen = _row(scaling.features(self.looks[-1]))
         pose = _row(scaling.joints(np.asarray(joints_rad, dtype=np.float32)))
@@ -59,7 +59,7 @@ class Actor:
             self.first = seen
             self.code = self._listen(torch.cat([seen, pose], dim=1))
             self.states = model.action.first_state(self.code)
-        shown = seen if model.config.film == "clip" else self.first
+        shown = seen if not model.config.freeze_video else self.first
         pose, self.states = model.action.move(self.code, shown, pose, self.states)
         return scaling.joints_back(pose[0].numpy().astype(float))
 

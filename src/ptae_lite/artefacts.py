@@ -24,7 +24,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from ptae_lite.errors import ArtefactError, FileError
-from ptae_lite.files import cannot_write, whole
+from ptae_lite.files import atomic_write, cannot_write
 
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = "MANIFEST.json"
@@ -135,15 +135,15 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
 def adopt(name: str, source: Path, data: Path) -> None:
     """Copy a stored file with its entry from one data folder into another."""
     path, entries = stored(name, source), manifest(data) if (data / MANIFEST).exists() else {}
-    with whole(inside(name, data)) as beside:
-        shutil.copyfile(path, beside)
+    with atomic_write(inside(name, data)) as temporary:
+        shutil.copyfile(path, temporary)
     _write_manifest(entries | {name: entry_of(name, source)}, data)
 
 
 def _write_manifest(entries: dict, data: Path) -> None:
-    with whole(data / MANIFEST) as beside:
+    with atomic_write(data / MANIFEST) as temporary:
         text = json.dumps(dict(sorted(entries.items())), indent=1)
-        beside.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(text + "\n", encoding="utf-8")
 
 
 def _versions() -> dict[str, str]:
@@ -169,9 +169,9 @@ def save_weights(path, tensors: dict, about: dict) -> None:
     The file appears whole or not at all.
     """
     tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
-    with whole(path) as beside:
+    with atomic_write(path) as temporary:
         try:
-            save_file(tensors, beside, metadata={"about": json.dumps(about, sort_keys=True)})
+            save_file(tensors, temporary, metadata={"about": json.dumps(about, sort_keys=True)})
         except SafetensorError as error:  # how this library reports what the system refused
             raise FileError(cannot_write(path, OSError(str(error)))) from None
 

@@ -84,20 +84,20 @@ def linear_describe(samples: Samples, labelled, indices) -> list[Meaning]:
     moments; nothing else is given. It reads action, speed and side each by ridge regression, and
     the colour by a regression made of the labelled clips of the side that it has read.
     """
-    seen, told = _summary(samples), [patterns()[i] for i in samples.pattern]
+    seen, shown = _summary(samples), [patterns()[i] for i in samples.pattern]
     classes = {name: words_of(name)[: len(words_of(name)) // 2] for name in Meaning._fields}
 
     def read(name, values, known, asked):
         if not len(asked):
             return np.zeros(0, dtype=int)
-        labels = np.array([values.index(getattr(told[i], name)) for i in known])
-        return probes.fit_labels(seen[known], labels, BASELINE_PENALTY).labels(seen[asked])
+        labels = np.array([values.index(getattr(shown[i], name)) for i in known])
+        return probes.fit_classifier(seen[known], labels, BASELINE_PENALTY).labels(seen[asked])
 
     labelled, indices = np.asarray(labelled), np.asarray(indices)
     action, speed = (read(name, classes[name], labelled, indices) for name in ("action", "speed"))
     side, colour = read("side", SIDES, labelled, indices), np.zeros(len(indices), dtype=int)
     for i, name in enumerate(SIDES):
-        known = np.array([j for j in labelled if told[j].side == name], dtype=int)
+        known = np.array([j for j in labelled if shown[j].side == name], dtype=int)
         asked = indices[side == i]
         colour[side == i] = read(
             "target_colour", classes["colour"], known if len(known) else labelled, asked

@@ -35,7 +35,7 @@ def swapped_speed(batch: Batch) -> Batch:
     return replace(batch, tokens=swap[batch.tokens])
 
 
-def frozen_film(batch: Batch) -> Batch:
+def frozen_video(batch: Batch) -> Batch:
     """Control: the action decoder sees the first frame at every step."""
     return replace(batch, video=batch.video[:, :1].expand_as(batch.video))
 
@@ -45,14 +45,14 @@ CONTROLS = {
     "sentence blanked": blank_sentence,
     "sentences shuffled": shuffled_sentences,
     "speed word swapped": swapped_speed,
-    "film frozen": frozen_film,
+    "video frozen": frozen_video,
 }
 
 
 def execute_errors(trained: Trained, samples: Samples, split: str = "test") -> dict[str, tuple]:
     """NRMSE (paper's, valid) of execute when one of its inputs is taken away or made false.
 
-    A blank sentence and a frozen film are new to a model, so a part of the damage may come from
+    A blank sentence and a frozen video are new to a model, so a part of the damage may come from
     that; shuffled sentences and swapped words are ordinary sentences.
     """
     source, indices = Source(trained.dataset(samples)), samples.split(split)

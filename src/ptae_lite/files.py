@@ -15,7 +15,7 @@ PART = ".part"  # what is being written stands beside its place, in NAME.PROCESS
 
 
 @contextmanager
-def whole(path):
+def atomic_write(path):
     """A path to write to, beside `path`, which takes its place when all of it is there.
 
     Whatever ends the writing early, `path` stays as it was.
@@ -24,25 +24,25 @@ def whole(path):
         FileError: it cannot be written: a full disk, a folder that is read-only.
     """
     path = Path(path)
-    beside = _beside(path)
+    temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        yield beside
-        os.replace(beside, path)
+        yield temporary
+        os.replace(temporary, path)
     except OSError as error:
         raise FileError(cannot_write(path, error)) from None
     finally:
         with suppress(OSError):
-            beside.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
 
 
 def write_arrays(path, **arrays) -> None:
     """An `.npz` file of arrays, whole or not at all."""
-    with whole(path) as beside, beside.open("wb") as file:
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 
-def _beside(path: Path) -> Path:
+def _temporary(path: Path) -> Path:
     """Each process has its own, so that two that write one file do not mix their halves."""
     return path.with_name(f"{path.name}.{os.getpid()}{PART}")
 
@@ -64,11 +64,11 @@ def check_writable(path) -> None:
     if not before.is_dir():
         raise FileError(f"{path} cannot be written: {before} is no folder; name another place")
     made = [folder for folder in path.absolute().parents if not folder.exists()]
-    beside = _beside(path)
+    temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside.touch()
-        beside.unlink()
+        temporary.touch()
+        temporary.unlink()
     except OSError as error:
         raise FileError(cannot_write(path, error)) from None
     finally:
@@ -78,7 +78,7 @@ def check_writable(path) -> None:
 
 
 @contextmanager
-def alone(path, wait_s: float = 0):
+def file_lock(path, wait_s: float = 0):
     """Work on `path` while no other run does; refuse with `FileError` where one goes on longer.
 
     The lock is the operating system's and lies beside `path`, in `NAME.lock`; it ends with the

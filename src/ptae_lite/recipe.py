@@ -17,17 +17,21 @@ class Recipe:
     learning_rate: float = 1e-3  # ours, the peak of one cycle of Adam; paper 1e-5, constant
     # ours; how much faster the action decoder learns than the rest. With one pace for all, either
     # the words for new scenes get worse with training, or the joints are not done in time.
-    action_pace: float = 3.0
+    action_lr_scale: float = 3.0
     clip: float = 1.0  # ours, of the gradient's norm; paper none
     language_weight: float = 1.0  # paper
     # ours; 5 would be the paper's text, which sums over joints where its code averages
     action_weight: float = 10.0
-    hold: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
-    mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.blend`
+    hold_steps: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
+    mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.mixup`
     supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
-    extra: float = 0.0  # ours; share of samples with a true extra input, see `signals.build`
+    p_congruent_input: float = (
+        0.0  # ours; share of samples with a true extra input, see `signals.build`
+    )
     balanced: bool = True  # ours, with few labels: they make half of each batch, see epoch_batches
-    unpaired: bool = False  # ours: a sentence to repeat comes with the scene of another sample
+    shuffle_scenes: bool = (
+        False  # ours: a sentence to repeat comes with the scene of another sample
+    )
     exponent: float = HALF_WHITE  # ours, of the features' whitening, see `scaling.fit_scaling`
     seed: int = 0
 
@@ -36,5 +40,7 @@ class Recipe:
             raise ConfigError("a recipe needs at least one epoch and batches of at least two")
         if not 0 < self.supervised < 1:
             raise ConfigError(f"supervised is {self.supervised}; it is a share between 0 and 1")
-        if not 0 <= self.extra <= 1:
-            raise ConfigError(f"extra is {self.extra}; it is a share from 0 to 1")
+        if not 0 <= self.p_congruent_input <= 1:
+            raise ConfigError(
+                f"p_congruent_input is {self.p_congruent_input}; it is a share from 0 to 1"
+            )

@@ -41,7 +41,7 @@ def train(
     split: str = "train",
     labelled: np.ndarray | None = None,
     limited: bool = False,
-    films: dict[int, list[np.ndarray]] | None = None,
+    videos: dict[int, list[np.ndarray]] | None = None,
     device: str = "cpu",
     on_epoch=lambda epoch, trained: None,
     progress=lambda epochs: epochs,
@@ -57,7 +57,7 @@ def train(
             PRAE bind the two codes of these samples, and of no others.
         limited: every sample has a label, but few updates use one (`recipe.supervised`). Signals
             are then drawn as with few labelled samples: PGAE's repeat both counts as supervised.
-        films: by sample number, what the camera saw when the sample's sentence was executed in
+        videos: by sample number, what the camera saw when the sample's sentence was executed in
             other ways than recorded: features (99, F) before scaling. Execute is trained with the
             recorded video or one of these, each equally likely.
         device: where the network computes, such as `cuda`. The result comes back to the CPU.
@@ -87,12 +87,12 @@ def train(
     groups = config.mix.limited if limited or labelled is not None else config.mix.regular
     scaling = fit_scaling(samples, indices, recipe.exponent)
     batches = Batches(
-        samples, scaling, indices, labelled, recipe, groups, config.mix.limited[1], films
+        samples, scaling, indices, labelled, recipe, groups, config.mix.limited[1], videos
     )
     if not batches.count:
         raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
     record = TrainingRecord(
-        eye=samples.eye, recipe=asdict(recipe), split=split, holdout=samples.holdout,
+        encoder=samples.encoder, recipe=asdict(recipe), split=split, holdout=samples.holdout,
         labelled=len(batches.with_label), steps=recipe.epochs * batches.count,
     )  # fmt: skip
     weights = (recipe.language_weight, recipe.action_weight, 1.0)  # the third binds PVAE's codes
@@ -103,7 +103,7 @@ def train(
             network.train()
             sums, supervised = 0.0, 0
             for batch in batches.epoch():
-                losses = network.costs(batch.inputs.to(device), batch.paired.to(device))
+                losses = network.loss(batch.inputs.to(device), batch.paired.to(device))
                 optimiser.zero_grad()
                 sum(w * loss for w, loss in zip(weights, losses, strict=False)).backward()
                 nn.utils.clip_grad_norm_(network.parameters(), recipe.clip)
@@ -122,5 +122,5 @@ def make_optimiser(network: nn.Module, recipe: Recipe, steps: int):
     own = list(network.action.parameters())
     rest = [p for p in network.parameters() if not any(p is q for q in own)]
     optimiser = torch.optim.Adam([{"params": rest}, {"params": own}], fused=True)
-    rates = [recipe.learning_rate, recipe.learning_rate * recipe.action_pace]
+    rates = [recipe.learning_rate, recipe.learning_rate * recipe.action_lr_scale]
     return optimiser, torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, total_steps=steps)

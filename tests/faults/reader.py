@@ -57,8 +57,8 @@ def read_everything() -> None:
         artefacts.stored(name)
     samples = load_samples()
     for name in ("weights/cae.safetensors", "weights/plain_cae.safetensors"):
-        eye = vision.load_eye(artefacts.stored(name))
-        vision.encode_images(eye, frames.images(frames.stored_keys()[:2]))
+        encoder = vision.load_autoencoder(artefacts.stored(name))
+        vision.encode_images(encoder, frames.images(frames.stored_keys()[:2]))
     trained = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
     evaluation.evaluate(trained, samples, "held_out")
     conflict_examples.load()

@@ -57,7 +57,7 @@ def usage(capsys):
 def no_training(monkeypatch):
     """A training would be a fault: the command has to be refused before it."""
     monkeypatch.setattr(training, "train", lambda *_, **__: pytest.fail("it was trained"))
-    monkeypatch.setattr(vision, "train_eye", lambda *_, **__: pytest.fail("it was trained"))
+    monkeypatch.setattr(vision, "train_autoencoder", lambda *_, **__: pytest.fail("it was trained"))
 
 
 @pytest.fixture
@@ -200,8 +200,8 @@ def test_a_disk_that_is_full_in_the_middle_of_a_recording(refused, tmp_path, mon
 
 def test_a_disk_that_is_full_when_features_are_written(refused, tmp_path, monkeypatch):
     (tmp_path / "features.npz").write_bytes(b"the old ones")
-    eye, images = vision.PlainCAE(2), np.zeros((1, 120, 160, 3), np.uint8)
-    vision.save_eye(tmp_path / "eye.safetensors", eye)
+    encoder, images = vision.PlainCAE(2), np.zeros((1, 120, 160, 3), np.uint8)
+    vision.save_autoencoder(tmp_path / "eye.safetensors", encoder)
     sequence = SimpleNamespace(images=images)
     monkeypatch.setattr(recorder, "check_ours", lambda *_, **__: {})
     monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, 0)])
@@ -209,8 +209,8 @@ def test_a_disk_that_is_full_when_features_are_written(refused, tmp_path, monkey
     monkeypatch.setattr(np, "savez_compressed", half_then_full)
     with unchanged(tmp_path):
         monkeypatch.setattr(cli, "bar", lambda items, **_: items)
-        eye_file = tmp_path / "eye.safetensors"
-        message = refused("features", "--data", tmp_path, "--eye", eye_file, "--threads", 1)
+        encoder_file = tmp_path / "eye.safetensors"
+        message = refused("features", "--data", tmp_path, "--encoder", encoder_file, "--threads", 1)
     assert "features.npz cannot be written (No space left on device)" in message
 
 
@@ -262,10 +262,10 @@ def test_a_disk_that_is_really_full(tmp_path):
     path.write_bytes(b"the old ones")
     code = (
         "import resource, sys, torch\n"
-        "from ptae_lite import artefacts, console\n"
+        "from ptae_lite import artefacts, cli\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))\n"
         "save = lambda: artefacts.save_weights(sys.argv[1], {'a': torch.ones(9999)}, {})\n"
-        "sys.exit(console.guarded('train', save))\n"
+        "sys.exit(cli.guarded('train', save))\n"
     )
     with unchanged(tmp_path):
         run = subprocess.run(

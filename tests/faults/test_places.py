@@ -59,14 +59,14 @@ def test_a_locale_without_utf8(project):
     code = (
         "import sys, locale\n"
         "assert 'utf' not in locale.getpreferredencoding().lower()\n"
-        "from ptae_lite import artefacts, console\n"
+        "from ptae_lite import artefacts, cli\n"
         "from ptae_lite.data import authors, samples\n"
         "from ptae_lite.experiments import conflict_examples\n"
         "from ptae_lite.book import contents\n"
         "from pathlib import Path\n"
         "conflict_examples.load()\n"
         "contents.Contents(Path(sys.argv[1]))\n"
-        "sys.exit(console.guarded('read', lambda: print('M\\u00fcller \\u2192 \\u0410')))\n"
+        "sys.exit(cli.guarded('read', lambda: print('M\\u00fcller \\u2192 \\u0410')))\n"
     )
     with unchanged(project / "data"):
         run = python(

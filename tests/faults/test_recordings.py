@@ -8,7 +8,7 @@ from watch import unchanged
 
 from ptae_lite.data.samples import load_samples
 from ptae_lite.errors import FileError, RecordingError
-from ptae_lite.files import alone
+from ptae_lite.files import file_lock
 from ptae_lite.robot import recorder, scene
 
 FAST = 80  # a pattern of 50 frames
@@ -30,7 +30,7 @@ def recording(tmp_path):
             pattern=np.array([0, 72]), variation=np.zeros(2, int), frames=np.array([100, 50]),
         )  # fmt: skip
         rows = np.ones((150, 30), np.float16) if features is None else features
-        np.savez(folder / "features.npz", features=rows, eye=np.array("e" * 64))
+        np.savez(folder / "features.npz", features=rows, encoder=np.array("e" * 64))
         return folder
 
     return write
@@ -128,7 +128,7 @@ def test_a_file_where_a_folder_is_to_be(tmp_path):
 def test_a_second_run_in_the_same_folder(tmp_path, monkeypatch):
     monkeypatch.setattr(scene, "pybullet", lambda: None)
     with (
-        alone(tmp_path / "recording"),
+        file_lock(tmp_path / "recording"),
         unchanged(tmp_path),
         pytest.raises(FileError, match="another run is at work on .*recording; wait until it ends"),
     ):

@@ -18,7 +18,7 @@ from ptae_lite.data.samples import load_samples
 from ptae_lite.errors import ArtefactError, RecordingError
 from ptae_lite.models import checkpoint
 
-EYES = ("weights/cae.safetensors", "weights/plain_cae.safetensors")
+ENCODERS = ("weights/cae.safetensors", "weights/plain_cae.safetensors")
 
 
 class Trap:
@@ -35,7 +35,7 @@ class Trap:
 def data(tmp_path, monkeypatch):
     """A data folder with the stored CAEs, whole, taken for the real one."""
     folder = tmp_path / "data"
-    for name in EYES:
+    for name in ENCODERS:
         artefacts.adopt(name, artefacts.data_folder(), folder)
     monkeypatch.setenv("PTAE_DATA", str(folder))
     return folder
@@ -49,7 +49,7 @@ def put(data, name, content) -> None:
 
 
 def test_a_file_that_was_cut_short(data):
-    path = data / EYES[0]
+    path = data / ENCODERS[0]
     path.write_bytes(path.read_bytes()[:-1])
     with (
         unchanged(data),
@@ -58,33 +58,36 @@ def test_a_file_that_was_cut_short(data):
             match="data/weights/cae.safetensors is damaged: .*git checkout data/weights",
         ),
     ):
-        artefacts.stored(EYES[0])
+        artefacts.stored(ENCODERS[0])
 
 
 def test_two_files_that_changed_places(data):
-    one, other = (data / name for name in EYES)
+    one, other = (data / name for name in ENCODERS)
     shutil.move(one, data / "aside")
     shutil.move(other, one)
     shutil.move(data / "aside", other)
     with unchanged(data):
-        for name in EYES:
+        for name in ENCODERS:
             with pytest.raises(ArtefactError, match=f"data/{name} is damaged: its SHA-256 is not"):
                 artefacts.stored(name)
 
 
 def test_a_folder_where_a_file_belongs(data):
-    (data / EYES[0]).unlink()
-    (data / EYES[0]).mkdir()
-    with unchanged(data), pytest.raises(ArtefactError, match=f"data/{EYES[0]} is missing; restore"):
-        artefacts.stored(EYES[0])
+    (data / ENCODERS[0]).unlink()
+    (data / ENCODERS[0]).mkdir()
+    with (
+        unchanged(data),
+        pytest.raises(ArtefactError, match=f"data/{ENCODERS[0]} is missing; restore"),
+    ):
+        artefacts.stored(ENCODERS[0])
 
 
 def test_a_manifest_whose_entry_has_lost_its_hash(data):
     entries = json.loads((data / "MANIFEST.json").read_text())
-    del entries[EYES[0]]["sha256"]
+    del entries[ENCODERS[0]]["sha256"]
     (data / "MANIFEST.json").write_text(json.dumps(entries))
     with unchanged(data), pytest.raises(ArtefactError, match="is damaged; restore it with: git ch"):
-        artefacts.stored(EYES[1])
+        artefacts.stored(ENCODERS[1])
 
 
 def test_a_manifest_that_is_no_text(data):
@@ -96,7 +99,7 @@ def test_a_manifest_that_is_no_text(data):
 def test_a_name_that_leads_out_of_the_folder(data, tmp_path):
     (tmp_path / "secret").write_text("mine")
     entries = json.loads((data / "MANIFEST.json").read_text())
-    entries["../secret"] = entries[EYES[0]]
+    entries["../secret"] = entries[ENCODERS[0]]
     (data / "MANIFEST.json").write_text(json.dumps(entries))
     with unchanged(tmp_path), pytest.raises(ArtefactError, match="'../secret' leads out of"):
         artefacts.stored("../secret")
@@ -111,9 +114,9 @@ def test_a_link_that_leads_out_of_the_folder(data, tmp_path):
 
 def test_a_pickle_where_weights_belong_is_not_run(data, tmp_path):
     trap = tmp_path / "sprung"
-    put(data, EYES[0], pickle.dumps(Trap(trap)))
+    put(data, ENCODERS[0], pickle.dumps(Trap(trap)))
     with unchanged(tmp_path), pytest.raises(ArtefactError, match="holds no weights of ours"):
-        vision.load_eye(artefacts.stored(EYES[0]))
+        vision.load_autoencoder(artefacts.stored(ENCODERS[0]))
     assert not trap.exists()
 
 
@@ -173,14 +176,14 @@ def test_weights_that_do_not_say_what_they_are(tmp_path):
     path = tmp_path / "w.safetensors"
     save_file({"a": torch.ones(2)}, path, metadata={"about": '["ptae"]'})
     with unchanged(tmp_path), pytest.raises(ArtefactError, match="it does not say what they are"):
-        vision.load_eye(path)
+        vision.load_autoencoder(path)
 
 
 def test_an_eye_that_asks_for_more_memory_than_there_is(tmp_path):
     path = tmp_path / "eye.safetensors"
     artefacts.save_weights(path, {"a": torch.ones(2)}, {"kind": "plain", "code": 10**15})
     with unchanged(tmp_path), pytest.raises(ArtefactError, match="do not fit the sizes written in"):
-        vision.load_eye(path)
+        vision.load_autoencoder(path)
 
 
 def test_a_model_of_one_kind_that_says_it_is_another(tmp_path, trained):

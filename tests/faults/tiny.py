@@ -60,7 +60,7 @@ def slow(items, **_):
 
 
 def record(folder, workers="1") -> int:
-    from ptae_lite.console import guarded
+    from ptae_lite.cli import guarded
     from ptae_lite.robot import recorder
 
     def work():
@@ -71,7 +71,7 @@ def record(folder, workers="1") -> int:
 
 def make(*paths) -> int:
     """Write small tables, one row at a time, as a stage of a re-run does."""
-    from ptae_lite.files import whole
+    from ptae_lite.files import atomic_write
 
     for number, path in enumerate(paths):
         rows = []
@@ -79,7 +79,7 @@ def make(*paths) -> int:
             rows.append({"model": "a", "seed": 0, "row": i, "accuracy": 90 + i + number})
             print(f"rows: {25 * (i + 1)}%|", file=sys.stderr, flush=True)
             time.sleep(WAIT_S)
-        with whole(path) as beside, beside.open("w", newline="") as file:
+        with atomic_write(path) as temporary, temporary.open("w", newline="") as file:
             table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             table.writeheader()
             table.writerows(rows)
@@ -90,7 +90,7 @@ def make(*paths) -> int:
 
 def rerun(folder, stored) -> int:
     """A full re-run of tiny stages."""
-    from ptae_lite.console import guarded
+    from ptae_lite.cli import guarded
     from ptae_lite.reproduce import report
     from ptae_lite.reproduce.checks import table
     from ptae_lite.reproduce.rerun import Rerun, Settings

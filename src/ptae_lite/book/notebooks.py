@@ -26,7 +26,7 @@ from nbformat import NotebookNode
 
 from ptae_lite.book.chapters import chapter_files, notice
 from ptae_lite.errors import ArtefactError, FileError
-from ptae_lite.files import whole
+from ptae_lite.files import atomic_write
 from ptae_lite.pipes import piped
 
 LIMIT_BYTES = 500_000
@@ -122,8 +122,8 @@ def write(md: Path) -> Path:
     notebook.metadata[STAMP] = {"cells": fingerprint(notebook)}
     ipynb = md.with_suffix(".ipynb")
     content = to_bytes(notebook, ipynb.name)
-    with whole(ipynb) as beside:
-        beside.write_bytes(content)
+    with atomic_write(ipynb) as temporary:
+        temporary.write_bytes(content)
     return ipynb
 
 
@@ -192,8 +192,8 @@ def take_cells(md: Path) -> None:
         cell.metadata.pop("vscode", None)
     if md.is_file():
         twin.metadata = read(md).metadata
-    with whole(md) as beside:
-        beside.write_text(jupytext.writes(twin, fmt="md:myst"), encoding="utf-8", newline="\n")
+    with atomic_write(md) as temporary:
+        temporary.write_text(jupytext.writes(twin, fmt="md:myst"), encoding="utf-8", newline="\n")
 
 
 def compare(md: Path, ipynb: Path) -> list[str]:

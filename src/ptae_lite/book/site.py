@@ -18,8 +18,8 @@ from pathlib import Path
 from ptae_lite.artefacts import ROOT
 from ptae_lite.book.chapters import notice
 from ptae_lite.book.machine import CHAPTER_GB
-from ptae_lite.console import guarded
-from ptae_lite.files import alone
+from ptae_lite.cli import guarded
+from ptae_lite.files import file_lock
 from ptae_lite.pipes import piped
 
 TIMES = "chapter_times.json"
@@ -42,7 +42,7 @@ def build(out, book=ROOT / "book", show: Callable = lambda name, chapter: None) 
         FileError: another run builds into the same folder.
     """
     out = Path(out)
-    with alone(out / "html"):
+    with file_lock(out / "html"):
         work, done = out / "html.part", out / "html"
         (out / TIMES).unlink(missing_ok=True)  # nothing of an earlier run may be taken for this one
         shutil.rmtree(work, ignore_errors=True)

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.scaling import Scaling, prepare
-from ptae_lite.data.signals import PTAE_MIX, Batch, Source, blend, build, refilm, signal_number
+from ptae_lite.data.signals import PTAE_MIX, Batch, Source, build, mixup, signal_number, with_video
 from ptae_lite.recipe import Recipe
 
 
@@ -47,19 +47,21 @@ def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
     return torch.from_numpy(share.astype(np.float32)), torch.from_numpy(partner)
 
 
-def draw_films(rng: np.random.Generator, part, films: dict, scaling: Scaling) -> dict[int, Tensor]:
+def draw_videos(
+    rng: np.random.Generator, part, videos: dict, scaling: Scaling
+) -> dict[int, Tensor]:
     """Another video for some samples of a batch: place in the batch to scaled features (99, F).
 
-    Each sample's recorded video and its others (`films`, raw features by sample number) are drawn
+    Each sample's recorded video and its others (`videos`, raw features by sample number) are drawn
     with equal chance; where the recorded one is drawn, the place is left out.
     """
     drawn = {}
     for place, sample in enumerate(part):
-        others = films.get(int(sample), ())
+        others = videos.get(int(sample), ())
         which = rng.integers(0, len(others) + 1)
         if which:
-            film = scaling.features(others[which - 1]).astype(np.float32)
-            drawn[place] = torch.from_numpy(film)
+            video = scaling.features(others[which - 1]).astype(np.float32)
+            drawn[place] = torch.from_numpy(video)
     return drawn
 
 
@@ -111,16 +113,16 @@ class Batches:
         labelled: the samples whose labels may be used; all of `indices` if None.
         groups: signals without and with need of a label, in the order of `Mix`.
         need_label: names of the signals that need a label.
-        films: by sample number, other videos (99, F) before scaling, see `draw_films`.
+        videos: by sample number, other videos (99, F) before scaling, see `draw_videos`.
     """
 
     def __init__(
         self, samples: Samples, scaling: Scaling, indices, labelled, recipe: Recipe, groups,
-        need_label, films: dict[int, list[np.ndarray]] | None = None,
+        need_label, videos: dict[int, list[np.ndarray]] | None = None,
     ):  # fmt: skip
         self.source, self.scaling = Source(prepare(samples, scaling)), scaling
         self.indices, self.labelled, self.recipe = indices, labelled, recipe
-        self.groups, self.films = groups, films
+        self.groups, self.videos = groups, videos
         self.need_label = [signal_number(signal) for signal in need_label]
         self.with_label = indices if labelled is None else labelled
         self.without_label = indices if labelled is None else np.setdiff1d(indices, labelled)
@@ -138,16 +140,20 @@ class Batches:
     def _batch(self, part: np.ndarray, signals: Tensor) -> TrainingBatch:
         rng, recipe = self.rng, self.recipe
         alternative = torch.from_numpy(rng.integers(0, 8, len(part)))
-        extra = torch.from_numpy(rng.random(len(part)) < recipe.extra) if recipe.extra else None
+        congruent_input = (
+            torch.from_numpy(rng.random(len(part)) < recipe.p_congruent_input)
+            if recipe.p_congruent_input
+            else None
+        )
         sentences_of = torch.from_numpy(self._sentences_of(part, signals))
         batch = build(
-            self.source, torch.from_numpy(part), signals, alternative, recipe.hold, extra,
+            self.source, torch.from_numpy(part), signals, alternative, recipe.hold_steps, congruent_input,
             sentences_of,
         )  # fmt: skip
-        if self.films:
-            batch = refilm(batch, draw_films(rng, part, self.films, self.scaling))
+        if self.videos:
+            batch = with_video(batch, draw_videos(rng, part, self.videos, self.scaling))
         if recipe.mixup:
-            batch = blend(batch, *draw_partners(rng, signals))
+            batch = mixup(batch, *draw_partners(rng, signals))
         paired = np.isin(part, self.with_label)
         supervised = int((np.isin(signals, self.need_label) & paired).sum())
         return TrainingBatch(batch, torch.from_numpy(paired), supervised)
@@ -155,9 +161,9 @@ class Batches:
     def _sentences_of(self, part: np.ndarray, signals: Tensor) -> np.ndarray:
         """Whose sentence each sample is given: its own.
 
-        If the recipe is `unpaired`, repeat language takes that of any sample without a label.
+        If the recipe is `shuffle_scenes`, repeat language takes that of any sample without a label.
         """
-        if not self.recipe.unpaired:
+        if not self.recipe.shuffle_scenes:
             return part
         repeats = signals.numpy() == signal_number("repeat language")
         return np.where(repeats, self.rng.choice(self.without_label, len(part)), part)

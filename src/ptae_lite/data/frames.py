@@ -1,7 +1,7 @@
 """A choice of recorded frames as small PNGs in one zip file, for the live parts of the book.
 
 The whole recording has 64,800 frames; a reader who has no simulator gets some two thousand: first,
-middle and last frames of the samples, and one film of each of the 12 actions.
+middle and last frames of the samples, and one video of each of the 12 actions.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from PIL import Image
 
 from ptae_lite import artefacts
 from ptae_lite.errors import RecordingError
-from ptae_lite.files import whole
+from ptae_lite.files import atomic_write
 from ptae_lite.language import patterns
 from ptae_lite.robot.motions import VARIATIONS
 
@@ -26,7 +26,7 @@ MAKE = "python -m ptae_lite record"
 _NAME = re.compile(r"p(\d{3})_v(\d)_t(\d{2,3})\.png")
 
 
-def film_patterns() -> tuple[int, ...]:
+def video_patterns() -> tuple[int, ...]:
     """One training pattern for each of the 12 actions, arrangements taken in turn."""
     chosen: dict[int, int] = {}
     for p in patterns():
@@ -39,14 +39,14 @@ def film_patterns() -> tuple[int, ...]:
 def choice() -> list[tuple[int, int, int]]:
     """Which frames are stored: (pattern, variation, frame)."""
     keep = set()
-    films = film_patterns()
+    videos = video_patterns()
     for p in patterns():
         for variation in range(VARIATIONS):
             keep.add((p.index, variation, 0))
             # a moment during the action, another in each variation
             moment = (0.25 + 0.1 * variation) * p.frames
             keep.add((p.index, variation, int(moment)))
-        if p.index in films:
+        if p.index in videos:
             keep |= {(p.index, 0, t) for t in range(0, p.frames, p.frames // 25)}
             keep.add((p.index, 0, p.frames - 1))
     return sorted(keep)
@@ -57,7 +57,10 @@ def write(folder) -> Path:
     from ptae_lite.robot.recorder import load_sequence
 
     path, last, images = Path(folder) / "frames.zip", None, None
-    with whole(path) as beside, zipfile.ZipFile(beside, "w", zipfile.ZIP_STORED) as file:
+    with (
+        atomic_write(path) as temporary,
+        zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as file,
+    ):
         for index, variation, t in choice():
             if (index, variation) != last:
                 images, last = load_sequence(folder, index, variation).images, (index, variation)

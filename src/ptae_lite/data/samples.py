@@ -24,7 +24,7 @@ from ptae_lite.files import write_arrays
 from ptae_lite.language import patterns
 
 MAX_FRAMES = 100
-AUTHORS = "authors"  # the eye of the published features; its weights are not public
+AUTHORS = "authors"  # the encoder of the published features; its weights are not public
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Samples:
     frames: Int[np.ndarray, " S"]  # clip lengths
     pattern: Int[np.ndarray, " S"]
     variation: Int[np.ndarray, " S"]
-    eye: str  # which CAE made the features: the hash of its weights, or `authors`
+    encoder: str  # which CAE made the features: the hash of its weights, or `authors`
     cubes: Float[np.ndarray, "S 100 2 7"] | None = None
     touched: Bool[np.ndarray, "S 100 2"] | None = None
     holdout: int | None = None  # so many training patterns stand in for a missing test part
@@ -53,7 +53,7 @@ class Samples:
     @property
     def name(self) -> str:
         """What a table of results calls them; stand-ins for a test part are named as such."""
-        if self.eye != AUTHORS:
+        if self.encoder != AUTHORS:
             return "recording"
         return AUTHORS if self.holdout is None else f"{AUTHORS}, {self.holdout} held out"
 
@@ -90,9 +90,9 @@ def load_samples(data="recording", holdout: int | None = None) -> Samples:
 
 
 def load_unseen(recording) -> Samples:
-    """The samples of a folder that `record` made, before any eye has looked: F is 0."""
+    """The samples of a folder that `record` made, before any encoder has looked: F is 0."""
     arrays = _recorded(recording, "samples.npz", "record")
-    unseen = {"features": np.zeros((len(arrays.get("joints_rad", ())), 0)), "eye": "none"}
+    unseen = {"features": np.zeros((len(arrays.get("joints_rad", ())), 0)), "encoder": "none"}
     return _assemble(arrays, unseen, recording, None)
 
 
@@ -111,8 +111,8 @@ def load_stored(data: Path | None = None) -> Samples:
     """The samples of the stored recording, or of another folder of stored files than `data/`."""
     arrays = artefacts.stored("recording/samples.npz", data)
     feature_file = artefacts.stored("recording/features.npz", data)
-    eye = artefacts.entry_of("weights/cae.safetensors", data)["sha256"]
-    return _assemble(_read(arrays), _read(feature_file), data or "recording", eye)
+    encoder = artefacts.entry_of("weights/cae.safetensors", data)["sha256"]
+    return _assemble(_read(arrays), _read(feature_file), data or "recording", encoder)
 
 
 def load_authors(folder, holdout: int | None = None) -> Samples:
@@ -147,7 +147,7 @@ def load_authors(folder, holdout: int | None = None) -> Samples:
         frames=found.frames,
         pattern=found.pattern,
         variation=found.variation,
-        eye=AUTHORS,
+        encoder=AUTHORS,
         holdout=holdout,
     )
 
@@ -164,9 +164,9 @@ PER_FRAME = ("joints_rad", "cubes", "touched")
 PER_SAMPLE = ("frames", "pattern", "variation")
 
 
-def _assemble(arrays: dict, features: dict, data, expected_eye: str | None) -> Samples:
+def _assemble(arrays: dict, features: dict, data, expected_encoder: str | None) -> Samples:
     missing = [name for name in (*PER_FRAME, *PER_SAMPLE) if name not in arrays]
-    missing += [name for name in ("features", "eye") if name not in features]
+    missing += [name for name in ("features", "encoder") if name not in features]
     if missing:
         raise RecordingError(f"{data}: no array {missing[0]!r}, so it is no recording of ours")
     for name in PER_SAMPLE:
@@ -195,11 +195,11 @@ def _assemble(arrays: dict, features: dict, data, expected_eye: str | None) -> S
                 f"{data}: {name} of sample {sample} (pattern {arrays['pattern'][sample]}) are not "
                 "all finite numbers; record again, and make the features again"
             )
-    eye = str(features["eye"])
-    if expected_eye is not None and eye != expected_eye:
+    encoder = str(features["encoder"])
+    if expected_encoder is not None and encoder != expected_encoder:
         raise ArtefactError(
-            f"{data}: the features were made by the CAE {eye[:12]}, the stored CAE is "
-            f"{expected_eye[:12]}; make them again: python -m ptae_lite features"
+            f"{data}: the features were made by the CAE {encoder[:12]}, the stored CAE is "
+            f"{expected_encoder[:12]}; make them again: python -m ptae_lite features"
         )
     for index, length in zip(arrays["pattern"], frames, strict=True):
         if not 0 <= index < len(patterns()):
@@ -217,25 +217,25 @@ def _assemble(arrays: dict, features: dict, data, expected_eye: str | None) -> S
         frames=frames,
         pattern=arrays["pattern"].astype(int),
         variation=arrays["variation"].astype(int),
-        eye=eye,
+        encoder=encoder,
         cubes=_pad(arrays["cubes"], frames),
         touched=_pad(arrays["touched"], frames),
     )
 
 
 def with_features(samples: Samples, path) -> Samples:
-    """The same samples, seen by another eye, whose features `write_features` wrote to `path`.
+    """The same samples, seen by another encoder, whose features `write_features` wrote to `path`.
 
     Raises:
         RecordingError: the file is missing or damaged, or holds another number of frames.
     """
     found = _read(Path(path))
-    missing = [name for name in ("features", "eye") if name not in found]
+    missing = [name for name in ("features", "encoder") if name not in found]
     total = int(samples.frames.sum())
     if missing or len(found["features"]) != total:
         raise RecordingError(f"{path} does not hold features of {total} frames; make it again")
     features = _pad(found["features"].astype(np.float32), samples.frames)
-    return replace(samples, features=features, eye=str(found["eye"]))
+    return replace(samples, features=features, encoder=str(found["encoder"]))
 
 
 def _pad(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
@@ -244,10 +244,10 @@ def _pad(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
     return padded
 
 
-def write_features(path, features: np.ndarray, eye_file) -> None:
+def write_features(path, features: np.ndarray, encoder_file) -> None:
     """Store features (M, F) of all frames, sample after sample, with the hash of their CAE.
 
     Half precision: it changes no feature by more than 0.05 % and halves the file.
     """
-    eye = hashlib.sha256(Path(eye_file).read_bytes()).hexdigest()
-    write_arrays(path, features=features.astype(np.float16), eye=np.array(eye))
+    encoder = hashlib.sha256(Path(encoder_file).read_bytes()).hexdigest()
+    write_arrays(path, features=features.astype(np.float16), encoder=np.array(encoder))

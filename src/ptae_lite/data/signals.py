@@ -90,8 +90,8 @@ class Batch:
 
 
 @dataclass(frozen=True)
-class Blended(Batch):
-    """A batch in which clips were blended in pairs (`blend`)."""
+class MixupBatch(Batch):
+    """A batch in which clips were blended in pairs (`mixup`)."""
 
     other_words: Int[Tensor, "B 4"]  # the second clip's sentence
     share: Float[Tensor, " B"]  # of the first
@@ -139,9 +139,9 @@ def build(
     samples: Int[Tensor, " B"],
     signals: Int[Tensor, " B"],
     alternative: Int[Tensor, " B"],
-    hold: int = STEPS,
-    extra: Bool[Tensor, " B"] | None = None,
-    told: Int[Tensor, " B"] | None = None,
+    hold_steps: int = STEPS,
+    congruent_input: Bool[Tensor, " B"] | None = None,
+    sentence_from: Int[Tensor, " B"] | None = None,
 ) -> Batch:
     """Wire samples to signals by the table.
 
@@ -168,19 +168,21 @@ def build(
     last = {"features": features[item, frames - 1], "joints": joints[item, frames - 1]}
 
     # query: the signal, then the whole sentence or EOS alone
-    told = samples if told is None else told
-    sentence = source.sentences[source.meaning[told], alternative]
+    sentence_from = samples if sentence_from is None else sentence_from
+    sentence = source.sentences[source.meaning[sentence_from], alternative]
     tokens = torch.cat([_SIGNAL_TOKEN[signals, None], sentence], dim=1)
     token_mask = torch.ones_like(tokens, dtype=torch.bool)
-    extra = torch.zeros_like(signals, dtype=torch.bool) if extra is None else extra
-    short = where("query", "eos") & ~extra
+    congruent_input = (
+        torch.zeros_like(signals, dtype=torch.bool) if congruent_input is None else congruent_input
+    )
+    short = where("query", "eos") & ~congruent_input
     tokens[short, 1:] = EOS
     token_mask[short, 2:] = False
 
     # keys and values: the moving clip, or its first frame stood still for the clip's length
     keys = torch.cat([features, joints], dim=2)
     still = keys[:, :1] * inside[..., None]
-    keys = torch.where((where("keys", "first") & ~extra)[:, None, None], still, keys)
+    keys = torch.where((where("keys", "first") & ~congruent_input)[:, None, None], still, keys)
 
     # the action decoder: what it sees, where it starts, what it must do
     video = features[:, :STEPS].clone()
@@ -192,7 +194,9 @@ def build(
         held = _WHERE["joints", name][signals]
         target = torch.where(held[:, None, None], frame["joints"][:, None], target)
     start = torch.where(where("start", "last")[:, None], last["joints"], start)
-    step_mask = inside[:, 1:] & (where("joints", "clip")[:, None] | (torch.arange(STEPS) < hold))
+    step_mask = inside[:, 1:] & (
+        where("joints", "clip")[:, None] | (torch.arange(STEPS) < hold_steps)
+    )
 
     # language target: the sentence without BOS, or EOS at once
     words = sentence[:, 1:].clone()
@@ -207,7 +211,7 @@ def build(
     )  # fmt: skip
 
 
-def blend(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) -> Blended:
+def mixup(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) -> MixupBatch:
     """Blend the clips that are to be described, each with that of another such sample.
 
     Keys and values become share x own + (1 - share) x partner's, and both sentences are asked for,
@@ -227,15 +231,15 @@ def blend(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) 
         "keys": weight * batch.keys + (1 - weight) * batch.keys[partner],
         "frames": torch.where(both, batch.frames.maximum(batch.frames[partner]), batch.frames),
     }
-    return Blended(**parts, other_words=batch.words[partner], share=share)
+    return MixupBatch(**parts, other_words=batch.words[partner], share=share)
 
 
-def refilm(batch: Batch, films: dict[int, Float[Tensor, "99 F"]]) -> Batch:
-    """The batch with another film for the action decoder of some places, where it is to execute."""
+def with_video(batch: Batch, videos: dict[int, Float[Tensor, "99 F"]]) -> Batch:
+    """The batch with another video for the action decoder of some places, where it is to execute."""
     video, execute = batch.video.clone(), signal_index("execute")
-    for place, film in films.items():
+    for place, video in videos.items():
         if batch.tokens[place, 0] == execute:
-            video[place] = film
+            video[place] = video
     return replace(batch, video=video)
 
 

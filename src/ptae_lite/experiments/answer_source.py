@@ -24,12 +24,12 @@ from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT, Condi
 from ptae_lite.language import ACTIONS, EOS, SIDES, SPEEDS, Pattern, decode, parse, pattern
 from ptae_lite.models.common import Answer
 
-FOLLOWED = ("truth", "distractor", "mixture", "neither")
+SOURCES = ("truth", "distractor", "mixture", "neither")
 TAKEN = ("action", "cube", "speed")
 LENGTHS = {"slowly": MAX_FRAMES, "fast": MAX_FRAMES // 2}
 
 
-class Told(NamedTuple):
+class DecodedAnswer(NamedTuple):
     """What an answer says. The cube is a colour in words, a side in motions; None: says nothing."""
 
     action: str | None = None
@@ -52,7 +52,7 @@ class Motions:
     scaling: Scaling
 
     @cached_property
-    def tracks(self) -> dict[Told, Float[np.ndarray, "100 5"]]:
+    def tracks(self) -> dict[DecodedAnswer, Float[np.ndarray, "100 5"]]:
         """Each of the 12 in the data's unit, over 100 frames."""
         clips: dict = {}
         for i in self.samples.split("train").tolist():
@@ -63,7 +63,7 @@ class Motions:
             if (action, side) in clips:
                 mean = _stretch(np.mean(clips[action, side], axis=0), LENGTHS[speed])
                 rest = np.repeat(mean[-1:], MAX_FRAMES - len(mean), axis=0)
-                tracks[Told(action, side, speed)] = np.concatenate([mean, rest])
+                tracks[DecodedAnswer(action, side, speed)] = np.concatenate([mean, rest])
         return tracks
 
     @cached_property
@@ -75,7 +75,7 @@ class Motions:
         ]
         return max(own)
 
-    def nearest(self, made: Float[np.ndarray, "T 5"]) -> tuple[Told, float]:
+    def nearest(self, made: Float[np.ndarray, "T 5"]) -> tuple[DecodedAnswer, float]:
         """The mean that a motion, from its second frame on, is nearest to, and how near."""
         found = self._distances(made, 1)
         best = min(found, key=found.__getitem__)
@@ -84,12 +84,12 @@ class Motions:
     def _clip(self, index: int) -> Float[np.ndarray, "T 5"]:
         return self.samples.joints[index, : self.samples.frames[index]]
 
-    def _distances(self, joints, first: int) -> dict[Told, float]:
+    def _distances(self, joints, first: int) -> dict[DecodedAnswer, float]:
         def far(track):
             error = (joints - track[first : first + len(joints)]) / self.scaling.joint_range
             return 100 * float(np.sqrt((error**2).mean()))
 
-        return {told: far(track) for told, track in self.tracks.items()}
+        return {decoded: far(track) for decoded, track in self.tracks.items()}
 
 
 def _stretch(joints: Float[np.ndarray, "T 5"], count: int) -> Float[np.ndarray, "N 5"]:
@@ -98,46 +98,46 @@ def _stretch(joints: Float[np.ndarray, "T 5"], count: int) -> Float[np.ndarray, 
     return np.stack([np.interp(at, places, joint) for joint in joints.T], axis=1)
 
 
-def _of(p: Pattern) -> Told:
-    return Told(p.action, p.side, p.speed)
+def _of(p: Pattern) -> DecodedAnswer:
+    return DecodedAnswer(p.action, p.side, p.speed)
 
 
-def told_in_words(indices) -> Told:
+def decode_words(indices) -> DecodedAnswer:
     """What four tokens say, in the first word of each pair; nothing, if they are no sentence."""
     indices = [int(i) for i in indices]
     if len(indices) != 4 or indices[3] != EOS or EOS in indices[:3]:
-        return Told()
+        return DecodedAnswer()
     try:
-        return Told(*parse(decode(indices)))
+        return DecodedAnswer(*parse(decode(indices)))
     except LanguageError:
-        return Told()
+        return DecodedAnswer()
 
 
-def told_by(answer: Answer, samples: Samples, indices, signal: str, motions: Motions):
+def decoded_answers(answer: Answer, samples: Samples, indices, signal: str, motions: Motions):
     """What each answer to a signal says, and how far in percent it is from what it says.
 
     Words are what they say, at no distance. A motion says its nearest mean, however far.
     """
     if signal in ANSWERS_WORDS:
-        return [(told_in_words(words), 0.0) for words in answer.words.argmax(2)]
+        return [(decode_words(words), 0.0) for words in answer.words.argmax(2)]
     made = poses(answer, motions.scaling)
     return [
         motions.nearest(one[: samples.frames[i] - 1]) for one, i in zip(made, indices, strict=True)
     ]
 
 
-def within(told: list[tuple[Told, float]], reach: float) -> list[Told]:
+def within(decoded: list[tuple[DecodedAnswer, float]], reach: float) -> list[DecodedAnswer]:
     """What the answers say; those farther than `reach` from it say nothing."""
-    return [what if distance <= reach else Told() for what, distance in told]
+    return [what if distance <= reach else DecodedAnswer() for what, distance in decoded]
 
 
-def truth_of(samples: Samples, index: int, signal: str) -> Told:
+def truth_of(samples: Samples, index: int, signal: str) -> DecodedAnswer:
     """What the right answer says."""
     p = pattern(int(samples.pattern[index]))
-    return Told(*p.meaning) if signal in ANSWERS_WORDS else _of(p)
+    return DecodedAnswer(*p.meaning) if signal in ANSWERS_WORDS else _of(p)
 
 
-def distractor_of(samples: Samples, index: int, extra, condition: Condition) -> Told:
+def distractor_of(samples: Samples, index: int, extra, condition: Condition) -> DecodedAnswer:
     """What the extra input would have the answer say.
 
     A false sentence may name a colour that no cube has; a motion cannot follow it in that (None).
@@ -146,28 +146,30 @@ def distractor_of(samples: Samples, index: int, extra, condition: Condition) -> 
         return truth_of(samples, extra, condition.signal)
     meaning, p = parse(extra), pattern(int(samples.pattern[index]))
     if condition.signal in ANSWERS_WORDS:
-        return Told(*meaning)
+        return DecodedAnswer(*meaning)
     sides = dict(zip(p.arrangement, SIDES, strict=True))
-    return Told(meaning.action, sides.get(meaning.colour), meaning.speed)
+    return DecodedAnswer(meaning.action, sides.get(meaning.colour), meaning.speed)
 
 
-def follows(told: Told, truth: Told, distractor: Told) -> str:
-    """One of `FOLLOWED`."""
-    if told == truth:
+def follows(decoded: DecodedAnswer, truth: DecodedAnswer, distractor: DecodedAnswer) -> str:
+    """One of `SOURCES`."""
+    if decoded == truth:
         return "truth"
-    if told == distractor and None not in told:
+    if decoded == distractor and None not in decoded:
         return "distractor"
-    pairs = zip(told, truth, distractor, strict=True)
+    pairs = zip(decoded, truth, distractor, strict=True)
     mixed = all(one is not None and one in pair for one, *pair in pairs)
     return "mixture" if mixed else "neither"
 
 
-def shares(told: list[Told], truth: list[Told], distractor: list[Told]) -> dict[str, float]:
-    """Percent of the answers that follow each of `FOLLOWED`; and, as `action_taken` and so on, of
+def shares(
+    decoded: list[DecodedAnswer], truth: list[DecodedAnswer], distractor: list[DecodedAnswer]
+) -> dict[str, float]:
+    """Percent of the answers that follow each of `SOURCES`; and, as `action_taken` and so on, of
     those in which the distractor's action differs, how many have the distractor's."""
-    rows = list(zip(told, truth, distractor, strict=True))
+    rows = list(zip(decoded, truth, distractor, strict=True))
     found = [follows(*row) for row in rows]
-    result = {name: 100 * found.count(name) / len(found) for name in FOLLOWED}
+    result = {name: 100 * found.count(name) / len(found) for name in SOURCES}
     for k, name in enumerate(TAKEN):
         differing = [(a[k], c[k]) for a, b, c in rows if c[k] != b[k]]
         taken = sum(a is not None and a == c for a, c in differing)

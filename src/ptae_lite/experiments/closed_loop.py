@@ -1,6 +1,6 @@
 """The closed loop: told a sentence, does the arm do it? An episode in, a row of a table out.
 
-`MODELS` says who acts and how it was trained, `told` where and on what word. Models are
+`MODELS` says who acts and how it was trained, `instruction` where and on what word. Models are
 trained on recorded training samples; two of them on other videos, too (`videos`).
 """
 
@@ -28,20 +28,26 @@ from ptae_lite.robot.closed_loop import Episode, Verdict
 from ptae_lite.robot.scene import pybullet
 
 KEY = ["model", "seed", "condition"]
-LOOP = {"padded": False, "reminded": True}  # the sentence must tell the speed, and is not forgotten
+LOOP = {
+    "pad_still_frame": False,
+    "condition_on_code": True,
+}  # the sentence must tell the speed, and is not forgotten
 MODELS: dict[str, dict] = {
     "ptae": {},  # as the paper trains it
-    "first frame": {"film": "first"},
-    "no padding": {"film": "first", "padded": False},
-    "blind": LOOP | {"film": "first"},
-    "open eyes": LOOP,
-    "noise": LOOP,
-    "aggregated": LOOP,
+    "ptae_first_frame": {"freeze_video": True},
+    "ptae_no_padding": {"freeze_video": True, "pad_still_frame": False},
+    "one_look_policy": LOOP | {"freeze_video": True},
+    "watching_policy": LOOP,
+    "noisy_video": LOOP,
+    "dagger": LOOP,
 }
-VIDEOS = {"noise": ("noisy", None), "aggregated": ("own episodes", "open eyes")}  # and whose
-OF_FAMILY = {"ptae": "PTAE", "first frame": "PTAE, first frame only"}  # the same trainings
+VIDEOS = {
+    "noisy_video": ("noisy", None),
+    "dagger": ("own episodes", "watching_policy"),
+}  # and whose
+OF_FAMILY = {"ptae": "PTAE", "ptae_first_frame": "PTAE, frozen video"}  # the same trainings
 SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # what chapter 06 tells of a model
-SHOWN |= {"first frame": ("test",), "blind": tuple(CONDITIONS)}
+SHOWN |= {"ptae_first_frame": ("test",), "one_look_policy": tuple(CONDITIONS)}
 FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
 
 
@@ -58,7 +64,7 @@ def score(trained: Trained | None, samples: Samples, model: str, seed: int, cond
     it saw of its own act.
     """
     tasks = tasks_of(samples, condition, split)
-    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
     rows, clips = [], []
     for task in tasks:
         asked = task.asked
@@ -66,7 +72,7 @@ def score(trained: Trained | None, samples: Samples, model: str, seed: int, cond
             joints = samples.joints[task.sample, : samples.frames[task.sample]]
             episode = closed_loop.perform(task.stage, closed_loop.replay(joints))
         else:
-            actor = Actor(trained, eye, task.told, watch=condition == BACK)
+            actor = Actor(trained, encoder, task.instruction, watch=condition == BACK)
             episode = closed_loop.perform(task.stage, actor)
             clips.append((task, actor.looks, episode.joints_rad))
         verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
@@ -78,7 +84,7 @@ def score(trained: Trained | None, samples: Samples, model: str, seed: int, cond
     table = pd.DataFrame(rows)
     if condition == BACK:
         table["described"] = describe(trained, samples, clips)
-        table["described_held"] = describe(trained, samples, clips, hold=True)
+        table["described_held"] = describe(trained, samples, clips, with_rest=True)
     return table
 
 
@@ -86,7 +92,7 @@ def row_of(task: Task, episode: Episode, verdict: Verdict) -> dict:
     """What the table says of an episode; ways in mm, durations in frames."""
     moved = 1000 * np.linalg.norm(episode.cubes[-1, :, :2] - episode.cubes[0, :, :2], axis=1)
     return {
-        "colours": " ".join(task.stage.colours), "sentence": task.told or "",
+        "colours": " ".join(task.stage.colours), "sentence": task.instruction or "",
         "action": task.asked.action, "side": task.asked.side, "speed": task.asked.speed,
         "named_mm": round(verdict.named_mm, 1), "left_mm": round(float(moved[0]), 1),
         "right_mm": round(float(moved[1]), 1), "duration": verdict.frames,
@@ -94,7 +100,7 @@ def row_of(task: Task, episode: Episode, verdict: Verdict) -> dict:
     }  # fmt: skip
 
 
-def describe(trained: Trained, samples: Samples, clips: list, hold: bool = False) -> list[str]:
+def describe(trained: Trained, samples: Samples, clips: list, with_rest: bool = False) -> list[str]:
     """What a model says of its own acts: of (task, features of each frame, joints) a sentence.
 
     Args:
@@ -106,7 +112,7 @@ def describe(trained: Trained, samples: Samples, clips: list, hold: bool = False
     joints = np.zeros((len(clips), MAX_FRAMES, samples.joints.shape[2]), dtype=np.float32)
     for i, (_, looks, moved) in enumerate(clips):
         seen = frames[i]
-        if hold:
+        if with_rest:
             frames[i] = MAX_FRAMES if seen >= closed_loop.SLOW_FROM else max(seen, FAST_FRAMES)
         at = np.minimum(np.arange(frames[i]), seen - 1)
         features[i, : frames[i]], joints[i, : frames[i]] = np.array(looks)[at], moved[at]

@@ -36,42 +36,42 @@ from ptae_lite.experiments.incongruence import (
     extra_inputs,
     respond_under,
 )  # fmt: skip
-from ptae_lite.files import whole, write_arrays
+from ptae_lite.files import atomic_write, write_arrays
 from ptae_lite.language import ACTIONS, SIDES, SPEEDS, pattern, pattern_at
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.pipes import piped
 
 MODEL = "weights/ptae.safetensors"
-TOLD, KEPT = "incongruence_stories.csv", "incongruence_stories.npz"
+ANSWERS, KEPT = "incongruence_examples.csv", "incongruence_examples.npz"
 KEY = ["sample", "signal", "conflict_in", "conflicts", "aspects"]
 SHOTS, SHOT_PX = 6, (80, 60)  # pictures of a film strip, and their width and height
 TEXTS = {"aspects": "", "sentence": "", "answer": ""}  # an empty text in a CSV file reads as a gap
 
 
 @dataclass(frozen=True, eq=False)
-class Stories:
-    """What one clip was answered: a row of `told` for each condition.
+class ConflictExamples:
+    """What one clip was answered: a row of `answers` for each condition.
 
     Motions stand in `joints` (R, 99, 5), in radians from the second frame on; the column `track`
-    says which is a row's. `films` has pictures of the 12 actions in the clip's arrangement, of its
+    says which is a row's. `strips` has pictures of the 12 actions in the clip's arrangement, of its
     variation number, evenly from first to last frame, by `Pattern.action_index`.
     """
 
     index: int
-    told: pd.DataFrame
+    answers: pd.DataFrame
     joints: Float[np.ndarray, "R 99 5"]
-    films: UInt8[np.ndarray, "12 shots height width 3"]
+    strips: UInt8[np.ndarray, "12 shots height width 3"]
 
     def of(self, condition: Condition):
         """The row of a condition."""
-        told, (signal, place, aspects) = self.told, condition
-        which = (told["signal"] == signal) & (told["conflict_in"] == place)
-        (row,) = told[which & (told["aspects"] == " ".join(aspects))].itertuples()
+        answers, (signal, place, aspects) = self.answers, condition
+        which = (answers["signal"] == signal) & (answers["conflict_in"] == place)
+        (row,) = answers[which & (answers["aspects"] == " ".join(aspects))].itertuples()
         return row
 
 
-def tell(trained: Trained, samples: Samples, index: int, films, seed: int = 0) -> Stories:
+def tell(trained: Trained, samples: Samples, index: int, strips, seed: int = 0) -> ConflictExamples:
     """Ask a model for all four signals of one sample, under every condition."""
     source, rows, motions = Source(trained.dataset(samples)), [], []
     means = answer_source.Motions(samples, trained.scaling)
@@ -80,24 +80,26 @@ def tell(trained: Trained, samples: Samples, index: int, films, seed: int = 0) -
         # all test clips are drawn for, as in the table; only this one is asked
         (extra,) = _drawn(samples, index, condition, seed)
         answer = respond_under(trained, source, [index], condition, extra=[extra])
-        ((what, distance),) = answer_source.told_by(answer, samples, [index], signal, means)
+        ((what, distance),) = answer_source.decoded_answers(answer, samples, [index], signal, means)
         (within,) = answer_source.within([(what, distance)], means.reach)
         truth = answer_source.truth_of(samples, index, signal)
         distractor = answer_source.distractor_of(samples, index, extra, condition)
         words = signal in ANSWERS_WORDS
-        told = sentences(answer)[0] if words else f"{what.action} the {what.cube} cube {what.speed}"
+        answers = (
+            sentences(answer)[0] if words else f"{what.action} the {what.cube} cube {what.speed}"
+        )
         rows.append({
             "sample": index, "signal": signal, "conflict_in": place, "conflicts": len(aspects),
             "aspects": " ".join(aspects),
             "sentence": extra if EXTRA_INPUT[signal] == "language" else "",
             "clip": extra if EXTRA_INPUT[signal] == "action" else -1,
-            "answer": told, "distance": round(distance, 2),
-            "follows": answer_source.follows(within, truth, distractor),
+            "answer": answers, "distance": round(distance, 2),
+            "source": answer_source.follows(within, truth, distractor),
             "track": -1 if words else len(motions),
         })  # fmt: skip
         if not words:
             motions.append(poses(answer, trained.scaling)[0].astype(np.float32))
-    return Stories(index, pd.DataFrame(rows), np.stack(motions), films)
+    return ConflictExamples(index, pd.DataFrame(rows), np.stack(motions), strips)
 
 
 def _drawn(samples: Samples, index: int, condition: Condition, seed: int) -> list:
@@ -106,8 +108,10 @@ def _drawn(samples: Samples, index: int, condition: Condition, seed: int) -> lis
     return [drawn[int(np.flatnonzero(indices == index)[0])]]
 
 
-def film(folder, samples: Samples, index: int) -> UInt8[np.ndarray, "12 shots height width 3"]:
-    """Pictures for `Stories.films`, small, from a recording's folder."""
+def picture_strips(
+    folder, samples: Samples, index: int
+) -> UInt8[np.ndarray, "12 shots height width 3"]:
+    """Pictures for `ConflictExamples.strips`, small, from a recording's folder."""
     from ptae_lite.robot.recorder import check_ours, load_sequence
 
     check_ours(folder, same_scene=False)
@@ -121,21 +125,23 @@ def film(folder, samples: Samples, index: int) -> UInt8[np.ndarray, "12 shots he
     return np.array(strips)
 
 
-def write(folder, trained: Trained, samples: Samples, films) -> list[Path]:
+def write(folder, trained: Trained, samples: Samples, strips) -> list[Path]:
     """Write the stories of the first test clip."""
-    told, kept = (Path(folder) / name for name in (TOLD, KEPT))
-    stories = tell(trained, samples, int(samples.split("test")[0]), films)
-    with whole(told) as beside:
-        stories.told.to_csv(beside, index=False, lineterminator="\n")
-    write_arrays(kept, joints=stories.joints, films=films)
-    return [told, kept]
+    answers, kept = (Path(folder) / name for name in (ANSWERS, KEPT))
+    examples = tell(trained, samples, int(samples.split("test")[0]), strips)
+    with atomic_write(answers) as temporary:
+        examples.answers.to_csv(temporary, index=False, lineterminator="\n")
+    write_arrays(kept, joints=examples.joints, strips=strips)
+    return [answers, kept]
 
 
-def load(find=lambda name: artefacts.stored(f"results/{name}")) -> Stories:
+def load(find=lambda name: artefacts.stored(f"results/{name}")) -> ConflictExamples:
     """The stored stories; `find` gives each file's path."""
-    told = pd.read_csv(find(TOLD)).fillna(TEXTS)
+    answers = pd.read_csv(find(ANSWERS)).fillna(TEXTS)
     with np.load(find(KEPT)) as file:
-        return Stories(int(told["sample"].iloc[0]), told, file["joints"], file["films"])
+        return ConflictExamples(
+            int(answers["sample"].iloc[0]), answers, file["joints"], file["strips"]
+        )
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -148,9 +154,9 @@ def main(arguments: list[str] | None = None) -> int:
     begun = time.perf_counter()
     try:
         trained, samples = checkpoint.load(artefacts.stored(MODEL)), load_samples("recording")
-        films = film(options.recording, samples, int(samples.split("test")[0]))
+        strips = picture_strips(options.recording, samples, int(samples.split("test")[0]))
         folder = artefacts.data_folder() / "results" if options.store else options.out
-        for path in write(folder, trained, samples, films):
+        for path in write(folder, trained, samples, strips):
             print(f"wrote {path.name}, {path.stat().st_size / 1e3:.0f} kB")
             if options.store:
                 artefacts.register(

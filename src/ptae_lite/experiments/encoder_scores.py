@@ -1,4 +1,4 @@
-"""What an eye is worth: linear read-outs of its features, and the error of its drawings."""
+"""What an encoder is worth: linear probes of its features, and the error of its drawings."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ptae_lite.vision import probes
 
 MOMENTS = ("first", "early", "late", "last")  # the frames of each sample that are looked at
 DRAWN = ((9, 0, 0), (14, 3, 55), (6, 1, 35), (9, 2, 45))  # frames of test patterns
-READERS = {"test": "train", "held_out": "fit"}  # scored on: fitted on
+PROBES = {"test": "train", "held_out": "fit"}  # scored on: fitted on
 
 
 def moments(samples: Samples) -> np.ndarray:
@@ -30,22 +30,23 @@ def look(folder, samples: Samples) -> np.ndarray:
     return np.stack([load_sequence(folder, int(p), int(v)).images[t] for p, v, t in pairs])
 
 
-def scores(eye, images: np.ndarray, samples: Samples) -> dict[str, dict[str, float]]:
-    """What can be read from an eye's features, and how well it draws, for each split in `READERS`.
+def scores(encoder, images: np.ndarray, samples: Samples) -> dict[str, dict[str, float]]:
+    """What can be read from an encoder's features, and how well it draws, for each split in `PROBES`.
 
     `images` are those of `look`.
     """
-    codes = vision.encode_images(eye, images.reshape(-1, *images.shape[2:]))
+    codes = vision.encode_images(encoder, images.reshape(-1, *images.shape[2:]))
     codes = codes.reshape(*images.shape[:2], -1)
     return {
-        split: read_out(codes, samples, split) | pixel_errors(eye, images[samples.split(split)])
-        for split in READERS
+        split: probe_scores(codes, samples, split)
+        | pixel_errors(encoder, images[samples.split(split)])
+        for split in PROBES
     }
 
 
-def read_out(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float]:
-    """Read-outs of features (S, 4, F) at `moments`, in percent and millimetres."""
-    known, asked = samples.split(READERS[split]), samples.split(split)
+def probe_scores(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float]:
+    """Linear probes of features (S, 4, F) at `moments`, in percent and millimetres."""
+    known, asked = samples.split(PROBES[split]), samples.split(split)
 
     def read(fit, inputs, targets):
         return fit(inputs[known], targets[known])
@@ -55,7 +56,7 @@ def read_out(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float
         seen = codes[:, at]
         for kind, inputs in (("", seen), ("_products", with_products(seen, known))):
             hits = [
-                read(probes.fit_labels, inputs, labels).labels(inputs[asked]) == labels[asked]
+                read(probes.fit_classifier, inputs, labels).labels(inputs[asked]) == labels[asked]
                 for labels in probes.colours(samples).values()
             ]
             found[f"{name}_both{kind}"] = 100 * (hits[0] & hits[1]).mean()
@@ -63,10 +64,10 @@ def read_out(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float
                 found |= {f"{name}_{s}": 100 * h.mean() for s, h in zip(SIDES, hits, strict=True)}
         frame = moments(samples)[:, at]
         places = 1000 * samples.cubes[np.arange(len(frame)), frame, :, :2].reshape(-1, 4)
-        off = read(probes.fit_numbers, seen, places).numbers(seen[asked]) - places[asked]
+        off = read(probes.fit_regression, seen, places).numbers(seen[asked]) - places[asked]
         found[f"{name}_place_mm"] = np.sqrt((off**2).mean())
         acts = probes.action_and_side(samples)
-        right = read(probes.fit_labels, seen, acts).labels(seen[asked]) == acts[asked]
+        right = read(probes.fit_classifier, seen, acts).labels(seen[asked]) == acts[asked]
         found[f"{name}_act"] = 100 * right.mean()
     found["joints_r2"] = joints_r2(codes, samples, known, asked)
     return {name: round(float(value), 4) for name, value in found.items()}
@@ -91,17 +92,17 @@ def joints_r2(codes, samples: Samples, known, asked) -> float:
     (x, y), (x_asked, y_asked) = (
         (inner[of].reshape(-1, codes.shape[2]), joints[of].reshape(-1, 5)) for of in (known, asked)
     )
-    off = probes.fit_numbers(x, y).numbers(x_asked) - y_asked
+    off = probes.fit_regression(x, y).numbers(x_asked) - y_asked
     return float((1 - (off**2).sum(0) / ((y_asked - y_asked.mean(0)) ** 2).sum(0)).mean())
 
 
 @torch.no_grad()
-def pixel_errors(eye, images: np.ndarray) -> dict[str, float]:
+def pixel_errors(encoder, images: np.ndarray) -> dict[str, float]:
     """Root mean square error of the drawing (0 to 1), over all pixels and over coloured ones."""
     sums, counts = np.zeros(2), np.zeros(2)
     for some in images:
         x = vision.as_input(some)
-        square = (eye(x) - x) ** 2
+        square = (encoder(x) - x) ** 2
         coloured = (x.amax(1) - x.amin(1) > 0.5)[:, None].expand_as(x)
         for i, part in enumerate((square, square[coloured])):
             sums[i] += float(part.sum())
@@ -111,7 +112,7 @@ def pixel_errors(eye, images: np.ndarray) -> dict[str, float]:
 
 
 @torch.no_grad()
-def drawn(eye, images: np.ndarray | None = None) -> np.ndarray:
-    """Images (the stored frames `DRAWN` if None) as an eye draws them again, as bytes."""
+def drawn(encoder, images: np.ndarray | None = None) -> np.ndarray:
+    """Images (the stored frames `DRAWN` if None) as an encoder draws them again, as bytes."""
     x = vision.as_input(frames.images(DRAWN) if images is None else images)
-    return (255 * eye(x).permute(0, 2, 3, 1).numpy()).round().astype(np.uint8)
+    return (255 * encoder(x).permute(0, 2, 3, 1).numpy()).round().astype(np.uint8)

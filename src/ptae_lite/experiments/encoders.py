@@ -1,8 +1,8 @@
-"""Eyes: does separating the colour channels help, at equal presentations and at equal compute?
+"""Encoders: does separating the colour channels help, at equal presentations and at equal compute?
 
 Three CAEs, three seeds each, and three PCAs. Each CAE is one long training; at each checkpoint a
-copy of it runs through the last fifth of a training of that length (`vision.EyeTraining`), so a row
-of the table is what a training of exactly that length gives. Read-outs on `held_out` patterns
+copy of it runs through the last fifth of a training of that length (`vision.AutoencoderTrainer`), so a row
+of the table is what a training of exactly that length gives. Linear probes on `held_out` patterns
 decide when a training has levelled off; those on `test` are for the table.
 """
 
@@ -20,7 +20,7 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 from ptae_lite import artefacts, devices, vision
-from ptae_lite.console import RECORDING, bar
+from ptae_lite.cli import RECORDING, bar
 from ptae_lite.data import frames
 from ptae_lite.data import samples as data
 from ptae_lite.data.samples import Samples
@@ -32,43 +32,43 @@ from ptae_lite.vision import pca
 
 CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
 PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pca", 30)}
-# In presentations; 0 is the untrained eye. 166,960 images cost a plain CAE the arithmetic that
-# 64,000 cost the separated one. The book's two eyes have seen 128,000.
+# In presentations; 0 is the untrained encoder. 166,960 images cost a plain CAE the arithmetic that
+# 64,000 cost the separated one. The book's two encoders have seen 128,000.
 CHECKPOINTS = {
     "separated 3x10": (0, 32_000, 64_000, 128_000),
     "plain 10": (0, 64_000, 128_000, 166_960),
     "plain 30": (0, 64_000, 166_960),
 }
-EQUAL_PRESENTATIONS = dict.fromkeys(CAES, 64_000)
+EQUAL_SAMPLES_SEEN = dict.fromkeys(CAES, 64_000)
 EQUAL_COMPUTE = {"separated 3x10": 64_000, "plain 10": 166_960, "plain 30": 166_960}
 LONG = {  # further ones, with `long`: a day on a CPU
     "separated 3x10": (256_000, 512_000, 1_024_000),
     "plain 10": (333_920, 667_840, 1_335_680),
     "plain 30": (333_920, 667_840, 1_335_680, 2_671_360),
 }
-IN_USE = {  # the lengths of the eyes that a PTAE is trained with
-    "equal images seen": EQUAL_PRESENTATIONS,
+IN_USE = {  # the lengths of the encoders that a PTAE is trained with
+    "equal images seen": EQUAL_SAMPLES_SEEN,
     "equal compute": EQUAL_COMPUTE,
     "four times as long": {name: 4 * length for name, length in EQUAL_COMPUTE.items()},
     "eight times as long": {name: 8 * length for name, length in EQUAL_COMPUTE.items()},
 }
-FILE = "eyes.csv"
-KEY = ["eye", "seed", "presentations", "split", "device"]
+FILE = "encoders.csv"
+KEY = ["encoder", "seed", "samples_seen", "split", "device"]
 PCA_EVERY = 8  # of the training images: 2,066 of them
 
 
-def mflop_an_image(eye) -> float:
+def mflop_an_image(encoder) -> float:
     """Arithmetic of one training step for one image, in million floating-point operations."""
     with FlopCounterMode(display=False) as counter:
-        vision.PixelCrossEntropy.apply(eye.logits(torch.rand(2, 3, 120, 160)),
+        vision.PixelCrossEntropy.apply(encoder.logits(torch.rand(2, 3, 120, 160)),
                                        torch.rand(2, 3, 120, 160)).backward()  # fmt: skip
     return counter.get_total_flops() / 2 / 1e6
 
 
 class Bench:
-    """What every eye of the study is trained on and shown, and where its results go.
+    """What every encoder of the study is trained on and shown, and where its results go.
 
-    `folder` gets `eyes.csv`; `work` the weights and the features of all frames of each eye.
+    `folder` gets `encoders.csv`; `work` the weights and the features of all frames of each encoder.
     """
 
     def __init__(self, samples: Samples, recording, folder, work):
@@ -79,7 +79,7 @@ class Bench:
 
     def experiment_of(self, name: str, seed: int, steps: int | None = None) -> Experiment:
         """A training of so many steps; of none in particular, as it is before its end, if None."""
-        (kind, code), recipe = CAES[name], vision.EyeRecipe(seed=seed)
+        (kind, code), recipe = CAES[name], vision.AutoencoderRecipe(seed=seed)
         recipe = replace(recipe, steps=steps or recipe.steps)
         split = "train" if steps else "train, unfinished"
         return Experiment(kind, {"code": code}, recipe, self.samples.fingerprint, split)
@@ -87,9 +87,9 @@ class Bench:
     def rows(self) -> pd.DataFrame:
         return tables.read(self.table, KEY)
 
-    def write(self, eye, about: dict) -> None:
-        """Add the two rows of an eye, one a split."""
-        scores = encoder_scores.scores(eye, self.looks, self.samples)
+    def write(self, encoder, about: dict) -> None:
+        """Add the two rows of an encoder, one a split."""
+        scores = encoder_scores.scores(encoder, self.looks, self.samples)
         made = [about | {"split": split} | found for split, found in scores.items()]
         tables.add(self.table, pd.DataFrame(made), KEY)
 
@@ -98,33 +98,33 @@ class Bench:
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
-    def weights(self, name: str, seed: int, presentations: int) -> Path:
-        """Where an eye is, after so many presentations."""
-        return self.place(name, seed) / f"eye_{presentations}.safetensors"
+    def weights(self, name: str, seed: int, samples_seen: int) -> Path:
+        """Where an encoder is, after so many presentations."""
+        return self.place(name, seed) / f"encoder_{samples_seen}.safetensors"
 
-    def write_features(self, name: str, seed: int, presentations: int) -> None:
-        """Features of all recorded frames by that eye, if they are not there."""
-        weights = self.weights(name, seed, presentations)
-        path = weights.with_name(f"features_{presentations}.npz")
+    def write_features(self, name: str, seed: int, samples_seen: int) -> None:
+        """Features of all recorded frames by that encoder, if they are not there."""
+        weights = self.weights(name, seed, samples_seen)
+        path = weights.with_name(f"features_{samples_seen}.npz")
         if not features_are_of(path, weights):
-            codes = vision.encode_recording(vision.load_eye(weights), self.recording)
+            codes = vision.encode_recording(vision.load_autoencoder(weights), self.recording)
             data.write_features(path, codes, weights)
 
 
 def folder_of(name: str, seed: int) -> str:
-    """Where an eye's files are, below the study's folder."""
+    """Where an encoder's files are, below the study's folder."""
     return f"{name.replace(' ', '_')}_seed{seed}"
 
 
 def run_pca(bench: Bench, name: str) -> None:
-    """Fit a PCA eye; its row, its weights and its features."""
+    """Fit a PCA encoder; its row, its weights and its features."""
     kind, code = PCAS[name]
     begun, some = time.process_time(), bench.images[::PCA_EVERY]
-    eye = pca.fit(vision.make_eye(kind, code), some)
+    encoder = pca.fit(vision.make_autoencoder(kind, code), some)
     seconds = time.process_time() - begun
-    vision.save_eye(bench.weights(name, 0, len(some)), eye)
+    vision.save_autoencoder(bench.weights(name, 0, len(some)), encoder)
     bench.write_features(name, 0, len(some))
-    bench.write(eye, {"eye": name, "code": code, "seed": 0, "presentations": len(some),
+    bench.write(encoder, {"encoder": name, "code": code, "seed": 0, "samples_seen": len(some),
                       "gflop": np.nan, "seconds": round(seconds, 1), "device": "cpu"})  # fmt: skip
 
 
@@ -134,19 +134,19 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
     What is there is kept, and the training goes on from where its constant part stood.
     """
     kind, code = CAES[name]
-    eye, recipe = vision.make_eye(kind, code), vision.EyeRecipe(seed=seed)
-    training = vision.EyeTraining(eye, recipe, device)
+    encoder, recipe = vision.make_autoencoder(kind, code), vision.AutoencoderRecipe(seed=seed)
+    training = vision.AutoencoderTrainer(encoder, recipe, device)
     trunk, asked = bench.place(name, seed) / "trunk.safetensors", bench.experiment_of(name, seed)
     spent = restore(training, trunk, asked.hash) if trunk.exists() else 0.0
     rows = bench.rows()
-    done = rows[(rows["eye"] == name) & (rows["seed"] == seed)]["presentations"].tolist()
-    gflop = mflop_an_image(vision.make_eye(kind, code)) / 1e3
-    for presentations in sorted(set(checkpoints) - set(done)):
-        steps = presentations // recipe.batch
+    done = rows[(rows["encoder"] == name) & (rows["seed"] == seed)]["samples_seen"].tolist()
+    gflop = mflop_an_image(vision.make_autoencoder(kind, code)) / 1e3
+    for samples_seen in sorted(set(checkpoints) - set(done)):
+        steps = samples_seen // recipe.batch
         turn = round((1 - vision.DECAY) * steps)
         if turn < training.step:
             raise ConfigError(
-                f"{name}, seed {seed}, has been trained past {presentations} presentations; "
+                f"{name}, seed {seed}, has been trained past {samples_seen} presentations; "
                 f"delete {trunk} to begin again"
             )
         begun = devices.clock(device)
@@ -156,29 +156,31 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
         branch, begun = copy.deepcopy(training), devices.clock(device)
         branch.go(bench.images, steps, steps, value=False)
         seconds = spent + devices.clock(device) - begun
-        branch.eye.to("cpu").eval()
+        branch.encoder.to("cpu").eval()
         if steps:
             own = bench.experiment_of(name, seed, steps)
-            path = bench.weights(name, seed, presentations)
-            vision.save_eye(path, branch.eye, own.recipe, device, experiment=own.hash)
-        bench.write(branch.eye, {
-            "eye": name, "code": code, "seed": seed, "presentations": presentations,
-            "gflop": round(presentations * gflop, 1), "seconds": round(seconds, 1),
+            path = bench.weights(name, seed, samples_seen)
+            vision.save_autoencoder(path, branch.encoder, own.recipe, device, experiment=own.hash)
+        bench.write(branch.encoder, {
+            "encoder": name, "code": code, "seed": seed, "samples_seen": samples_seen,
+            "gflop": round(samples_seen * gflop, 1), "seconds": round(seconds, 1),
             "device": device,
         })  # fmt: skip
 
 
-def keep(training: vision.EyeTraining, path: Path, spent: float, experiment: str = "") -> None:
+def keep(
+    training: vision.AutoencoderTrainer, path: Path, spent: float, experiment: str = ""
+) -> None:
     """Store a training where it stands: weights, the optimiser's memory, steps and seconds."""
-    tensors = {f"eye.{name}": value for name, value in training.eye.state_dict().items()}
+    tensors = {f"encoder.{name}": value for name, value in training.encoder.state_dict().items()}
     for i, memory in training.optimiser.state_dict()["state"].items():
         tensors |= {f"memory.{i}.{name}": value for name, value in memory.items()}
-    about = {"kind": "training of an eye", "step": training.step, "seconds": spent}
+    about = {"kind": "training of an encoder", "step": training.step, "seconds": spent}
     about |= {"experiment": experiment}
     artefacts.save_weights(path, tensors, about)
 
 
-def restore(training: vision.EyeTraining, path: Path, experiment: str = "") -> float:
+def restore(training: vision.AutoencoderTrainer, path: Path, experiment: str = "") -> float:
     """Set a fresh training to what `keep` stored; the seconds spent until there.
 
     Raises:
@@ -188,17 +190,17 @@ def restore(training: vision.EyeTraining, path: Path, experiment: str = "") -> f
     if about.get("experiment") != experiment:
         raise ArtefactError(
             f"{path} is of another training than the one asked for; move it away, or name another "
-            "folder of eyes"
+            "folder of encoders"
         )
     weights, memory = {}, {}
     for name, value in tensors.items():
         part, rest = name.split(".", 1)
-        if part == "eye":
+        if part == "encoder":
             weights[rest] = value
         else:
             i, what = rest.split(".")
             memory.setdefault(int(i), {})[what] = value
-    training.eye.load_state_dict(weights)
+    training.encoder.load_state_dict(weights)
     state = training.optimiser.state_dict()
     training.optimiser.load_state_dict(state | {"state": memory})
     training.step = about["step"]
@@ -208,14 +210,14 @@ def restore(training: vision.EyeTraining, path: Path, experiment: str = "") -> f
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
           workers: int = 1, device: str = "cpu", long: bool = False,
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `eyes.csv`: every CAE of a seed before the next seed, then the PCAs.
+    """Run what is missing in `encoders.csv`: every CAE of a seed before the next seed, then the PCAs.
 
     Args:
         recording: folder of a recording, with its images.
         folder: of the table.
-        work: weights and features of each eye, and where its training stands.
+        work: weights and features of each encoder, and where its training stands.
         checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
-        workers: eyes side by side.
+        workers: encoders side by side.
         device: where CAEs are trained; what they are worth is measured on the CPU.
         long: go on to the lengths in `LONG`; what is drawn stays that of `checkpoints`.
     """
@@ -225,46 +227,48 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         (bench, name, seed, own, further.get(name, ()), device)
         for seed in seeds for name, own in drawn.items()
     ]  # fmt: skip
-    jobs += [(bench, name) for name in PCAS if name not in set(bench.rows()["eye"])]
+    jobs += [(bench, name) for name in PCAS if name not in set(bench.rows()["encoder"])]
     tables.run(run_one, jobs, lambda _: None, workers, progress)
-    write_drawings(bench, seeds[0], drawn)
+    write_reconstructions(bench, seeds[0], drawn)
     return bench.rows()
 
 
 def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
             device: str = "cpu") -> None:  # fmt: skip
-    """An eye's rows and weights, which the bench writes, and the features that a PTAE is trained
+    """An encoder's rows and weights, which the bench writes, and the features that a PTAE is trained
     with: of the lengths in `IN_USE`, as far as it goes.
     """
     if name in PCAS:
         return run_pca(bench, name)
     run_cae(bench, name, seed, (*checkpoints, *further), device)
     in_use = {lengths[name] for lengths in IN_USE.values()}
-    for presentations in in_use & {*checkpoints, *further}:
-        bench.write_features(name, seed, presentations)
+    for samples_seen in in_use & {*checkpoints, *further}:
+        bench.write_features(name, seed, samples_seen)
 
 
-def write_drawings(bench: Bench, seed: int, checkpoints) -> None:
-    """`eyes_drawings.npz`: the images `encoder_scores.DRAWN`, drawn by each eye of a seed."""
+def write_reconstructions(bench: Bench, seed: int, checkpoints) -> None:
+    """`eyes_drawings.npz`: the images `encoder_scores.DRAWN`, drawn by each encoder of a seed."""
     paths = {name: bench.weights(name, seed, max(own)) for name, own in checkpoints.items()}
     some = len(bench.images[::PCA_EVERY])
     paths |= {name: bench.weights(name, 0, some) for name in PCAS}
-    shown = {name: encoder_scores.drawn(vision.load_eye(path)) for name, path in paths.items()}
-    write_arrays(bench.table.with_name("eyes_drawings.npz"), **shown)
+    shown = {
+        name: encoder_scores.drawn(vision.load_autoencoder(path)) for name, path in paths.items()
+    }
+    write_arrays(bench.table.with_name("encoder_reconstructions.npz"), **shown)
 
 
 def features_are_of(path: Path, weights: Path) -> bool:
-    """Whether a file of features was made by the eye in `weights`."""
+    """Whether a file of features was made by the encoder in `weights`."""
     if not path.exists():
         return False
     with np.load(path, allow_pickle=False) as file:
-        return str(file["eye"]) == artefacts.sha256(weights)
+        return str(file["encoder"]) == artefacts.sha256(weights)
 
 
 def add_options(parser: ArgumentParser) -> None:
     options.trainings(parser, cluster=False)
     parser.add_argument("--recording", default=RECORDING, help="a recording's folder")
-    parser.add_argument("--eyes", default="build/eyes",
+    parser.add_argument("--encoders", default="build/encoders",
                         help="folder of the CAEs and their features")  # fmt: skip
     parser.add_argument("--device", default="cpu",
                         help="where CAEs are trained, cpu or a GPU such as cuda")  # fmt: skip
@@ -274,8 +278,8 @@ def add_options(parser: ArgumentParser) -> None:
 
 def command(given) -> dict:
     table = study(
-        data.load_unseen(given.recording), given.recording, given.out, given.eyes, given.seeds,
+        data.load_unseen(given.recording), given.recording, given.out, given.encoders, given.seeds,
         workers=given.workers, device=given.device, long=given.long,
-        progress=lambda results, total: bar(results, total=total, desc="eyes"),
+        progress=lambda results, total: bar(results, total=total, desc="encoders"),
     )  # fmt: skip
     return options.result(given, FILE, table)

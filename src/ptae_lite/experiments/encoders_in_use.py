@@ -1,6 +1,6 @@
-"""What PTAE reaches with each eye: the features of `experiments.encoders` in, its scores out.
+"""What PTAE reaches with each encoder: the features of `experiments.encoders` in, its scores out.
 
-Every training is the regular one, on the CPU; only the features differ. `device` is the eye's.
+Every training is the regular one, on the CPU; only the features differ. `device` is the encoder's.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, run
 from ptae_lite.models.checkpoint import Trained
 
-KEY = ["eye", "seed", "presentations"]
-FILE = "eyes_ptae.csv"
+KEY = ["encoder", "seed", "samples_seen"]
+FILE = "encoders_in_use.csv"
 NAME = f"results/{FILE}"
 
 
 def jobs_in(work, seeds) -> list[tuple[str, int, int]]:
-    """Eye, seed and presentations of every training, a seed after the other.
+    """Encoder, seed and presentations of every training, a seed after the other.
 
     A CAE of a seed goes with a PTAE of that seed; a PCA, which knows no chance, with each.
     """
@@ -40,30 +40,30 @@ def jobs_in(work, seeds) -> list[tuple[str, int, int]]:
             found += [(name, seed, length) for length in lengths]
     if not found:
         raise RecordingError(
-            f"{work} holds no features of an eye; make them: python -m ptae_lite study eyes"
+            f"{work} holds no features of an encoder; make them: python -m ptae_lite study encoders"
         )
     return found
 
 
-def features_of(work, eye: str, seed: int, presentations: int) -> Path:
-    """What an eye sees, in the folder `work` of `encoders`."""
-    folder = Path(work) / folder_of(eye, seed if eye in CAES else 0)
-    return folder / f"features_{presentations}.npz"
+def features_of(work, encoder: str, seed: int, samples_seen: int) -> Path:
+    """What an encoder sees, in the folder `work` of `encoders`."""
+    folder = Path(work) / folder_of(encoder, seed if encoder in CAES else 0)
+    return folder / f"features_{samples_seen}.npz"
 
 
 def see(work, samples: Samples, *job) -> Samples:
-    """The samples as an eye sees them."""
+    """The samples as an encoder sees them."""
     return data.with_features(samples, features_of(work, *job))
 
 
-def experiment_of(samples: Samples, eye: str, seed: int, presentations: int) -> Experiment:
+def experiment_of(samples: Samples, encoder: str, seed: int, samples_seen: int) -> Experiment:
     """The regular training."""
     return experiment(samples, seed=seed)
 
 
 def score(work, trained: Trained, samples: Samples, *job) -> pd.DataFrame:
-    """A row: what PTAE says and does of the test samples, seen by that eye."""
-    weights = features_of(work, *job).with_name(f"eye_{job[2]}.safetensors")
+    """A row: what PTAE says and does of the test samples, seen by that encoder."""
+    weights = features_of(work, *job).with_name(f"encoder_{job[2]}.safetensors")
     device = artefacts.load_weights(weights)[1].get("device", "cpu")
     row = dict(zip(KEY, job, strict=True)) | {"device": device}
     row |= {"steps": trained.about["steps"], "seconds": round(trained.about["seconds"])}
@@ -79,10 +79,10 @@ def stored() -> pd.DataFrame:
 
 
 def study(samples: Samples, folder, work, seeds=(0, 1, 2), **where) -> pd.DataFrame:
-    """A PTAE for every eye, a seed after the other; see `runner.run`.
+    """A PTAE for every encoder, a seed after the other; see `runner.run`.
 
     Args:
-        work: the folder of the eyes' features, as `encoders` leaves it.
+        work: the folder of the encoders' features, as `encoders` leaves it.
     """
     made = Study(FILE, KEY, experiment_of, partial(score, work), see=partial(see, work))
     return run(made, samples, jobs_in(work, seeds), folder, **where)
@@ -90,9 +90,11 @@ def study(samples: Samples, folder, work, seeds=(0, 1, 2), **where) -> pd.DataFr
 
 def add_options(parser: ArgumentParser) -> None:
     options.trainings(parser)
-    parser.add_argument("--eyes", default="build/eyes", help="folder of the CAEs' features")
+    parser.add_argument("--encoders", default="build/encoders", help="folder of the CAEs' features")
 
 
 def command(given) -> dict:
-    table = study(data.load_samples(), given.out, given.eyes, given.seeds, **options.where(given))
+    table = study(
+        data.load_samples(), given.out, given.encoders, given.seeds, **options.where(given)
+    )
     return options.result(given, FILE, table)

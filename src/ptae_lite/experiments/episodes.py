@@ -27,17 +27,17 @@ from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
 
 EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
 FIRST_SEED = 10_000  # the recording's end before
-CHOSEN = "blind"  # the simplest model that holds in the loop
+CHOSEN = "one_look_policy"  # the simplest model that holds in the loop
 FRAMES_SHOWN = 5  # of a film strip
 # Two arrangements of the data set, and one in which the colour families meet.
 SCENES = (("red", "green"), ("cyan", "violet"), ("green", "yellow"))
 
 
-class Kept(NamedTuple):
+class StoredEpisode(NamedTuple):
     """An episode with what was told and where."""
 
     stage: Setting
-    told: str
+    instruction: str
     episode: Episode
     verdict: Verdict
 
@@ -57,31 +57,33 @@ def side_of(stage: Setting, meaning: Meaning) -> str | None:
     return at.get(meaning.colour)
 
 
-def perform(trained: Trained, eye: nn.Module, stage: Setting, told: str, meaning: Meaning) -> Kept:
+def perform(
+    trained: Trained, encoder: nn.Module, stage: Setting, instruction: str, meaning: Meaning
+) -> StoredEpisode:
     """Act out a sentence. Named colours that are not on the table make it no success."""
-    episode = closed_loop.perform(stage, Actor(trained, eye, told))
+    episode = closed_loop.perform(stage, Actor(trained, encoder, instruction))
     side = side_of(stage, meaning)
     verdict = closed_loop.judge(episode, meaning.action, side or "left", meaning.speed)
     if side is None:
         verdict = verdict._replace(success=False, reason=study.NOT_THERE)
-    return Kept(stage, told, episode, verdict)
+    return StoredEpisode(stage, instruction, episode, verdict)
 
 
-def all_of(trained: Trained, eye: nn.Module, progress=lambda jobs: jobs) -> list[Kept]:
+def all_of(trained: Trained, encoder: nn.Module, progress=lambda jobs: jobs) -> list[StoredEpisode]:
     """Every action, cube and speed in each of the scenes."""
     jobs = [
         (stage, Meaning(action, colour, speed))
         for stage in stages().values()
         for action, colour, speed in product(ACTIONS, stage.colours, SPEEDS)
     ]
-    return [perform(trained, eye, stage, sentence(m), m) for stage, m in progress(jobs)]
+    return [perform(trained, encoder, stage, sentence(m), m) for stage, m in progress(jobs)]
 
 
-def write(path, kept: list[Kept]) -> None:
+def write(path, kept: list[StoredEpisode]) -> None:
     """Keep episodes in one file; joints in radians and cubes in metres, single precision."""
     write_arrays(
         path,
-        told=np.array([one.told for one in kept]),
+        instruction=np.array([one.instruction for one in kept]),
         scene=np.array([" and ".join(one.stage.colours) for one in kept]),
         stopped=np.array([one.episode.stopped for one in kept]),
         frames=np.array([len(one.episode.joints_rad) for one in kept]),
@@ -90,19 +92,19 @@ def write(path, kept: list[Kept]) -> None:
     )
 
 
-def load(path=None) -> list[Kept]:
+def load(path=None) -> list[StoredEpisode]:
     """The stored episodes."""
     path, scenes, kept = path or artefacts.stored(f"results/{EPISODES}"), stages(), []
     with np.load(path, allow_pickle=False) as file:
         found = {name: file[name] for name in file.files}
     ends = found["frames"].cumsum()[:-1]
     parts = (np.split(found[name].astype(float), ends) for name in ("joints_rad", "cubes"))
-    texts = (found[name].tolist() for name in ("told", "scene", "stopped"))
-    for told, scene, stopped, joints, cubes in zip(*texts, *parts, strict=True):
-        stage, meaning = scenes[scene], parse(told)
+    texts = (found[name].tolist() for name in ("instruction", "scene", "stopped"))
+    for instruction, scene, stopped, joints, cubes in zip(*texts, *parts, strict=True):
+        stage, meaning = scenes[scene], parse(instruction)
         episode = Episode(joints, cubes, stopped)
         verdict = closed_loop.judge(episode, meaning.action, side_of(stage, meaning), meaning.speed)
-        kept.append(Kept(stage, told, episode, verdict))
+        kept.append(StoredEpisode(stage, instruction, episode, verdict))
     return kept
 
 
@@ -120,10 +122,10 @@ def strips_of(table: pd.DataFrame, successes: str) -> pd.DataFrame:
     return pd.concat(rows, ignore_index=True)
 
 
-def film(trained: Trained, eye: nn.Module, row) -> np.ndarray:
+def video(trained: Trained, encoder: nn.Module, row) -> np.ndarray:
     """An episode of the table, acted out again with the camera on: a few images, evenly spread."""
     images = []
-    actor = Actor(trained, eye, row.sentence)
+    actor = Actor(trained, encoder, row.sentence)
 
     def watched(look, joints_rad):
         images.append(look())
@@ -133,11 +135,11 @@ def film(trained: Trained, eye: nn.Module, row) -> np.ndarray:
     return np.stack([images[i] for i in np.linspace(0, len(images) - 1, FRAMES_SHOWN).astype(int)])
 
 
-def write_strips(path, rows: pd.DataFrame, models: list[Trained], eye: nn.Module) -> None:
+def write_strips(path, rows: pd.DataFrame, models: list[Trained], encoder: nn.Module) -> None:
     """Keep the film strips of rows of the table, acted by their models, with a line of text."""
-    films = [film(one, eye, row) for one, row in zip(models, rows.itertuples(), strict=True)]
+    videos = [video(one, encoder, row) for one, row in zip(models, rows.itertuples(), strict=True)]
     texts = [f"{row.model}: {row.sentence} ({row.reason})" for row in rows.itertuples()]
-    write_arrays(path, films=np.stack(films), texts=np.array(texts))
+    write_arrays(path, videos=np.stack(videos), texts=np.array(texts))
 
 
 def keep(folder, table: pd.DataFrame, samples: Samples, weights) -> None:
@@ -148,12 +150,12 @@ def keep(folder, table: pd.DataFrame, samples: Samples, weights) -> None:
     def model(name: str, seed: int) -> Trained | None:
         return runner.found(study.experiment_of(samples, name, int(seed)), weights)
 
-    told, strips = (Path(folder) / name for name in (EPISODES, STRIPS))
-    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
-    if not told.exists() and (mine := model(CHOSEN, 0)) is not None:
-        write(told, all_of(mine, eye))
+    instruction, strips = (Path(folder) / name for name in (EPISODES, STRIPS))
+    encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
+    if not instruction.exists() and (mine := model(CHOSEN, 0)) is not None:
+        write(instruction, all_of(mine, encoder))
     rows = strips_of(table, CHOSEN)
     if len(rows) == 6 and not strips.exists():
         models = [model(*one) for one in zip(rows["model"], rows["seed"], strict=True)]
         if all(one is not None for one in models):
-            write_strips(strips, rows, models, eye)
+            write_strips(strips, rows, models, encoder)

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from ptae_lite.baselines import references
-from ptae_lite.console import data_options
+from ptae_lite.cli import data_options
 from ptae_lite.controls import execute_errors
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
@@ -38,14 +38,14 @@ VARIANTS = {
     "PTAE": Variant("ptae"),
     "PGAE": Variant("pgae"),
     "PVAE": Variant("pvae"),
-    "PTAE, action asks": Variant("ptae", {"queries": "action"}),
+    "PTAE, action as query": Variant("ptae", {"queries": "action"}),
     "PTAE, repeat both": Variant("ptae", {"repeat_both": True}),
     "PGAE, no repeat both": Variant("pgae", {"repeat_both": False}),
-    "PTAE, words weighed": Variant("ptae", {"weigh_words": True}),
+    "PTAE, class-weighted words": Variant("ptae", {"weigh_words": True}),
     "PTAE, LSTM encoders": Variant("ptae", {"language_encoder": "lstm", "action_encoder": "lstm"}),
-    "PTAE, first frame only": Variant("ptae", {"film": "first"}),
-    "PTAE, clock": Variant("ptae", {"clock": True}),
-    "PTAE, no blends": Variant("ptae", recipe={"mixup": False}),
+    "PTAE, frozen video": Variant("ptae", {"freeze_video": True}),
+    "PTAE, frame positions": Variant("ptae", {"frame_positions": True}),
+    "PTAE, no mixup": Variant("ptae", recipe={"mixup": False}),
     "PRAE": Variant("prae"),
     "PTAE, long": Variant("ptae", recipe={"epochs": 8 * RECIPES["ptae"].epochs}),
     "PGAE, long": Variant("pgae", recipe={"epochs": 8 * RECIPES["pgae"].epochs}),
@@ -53,10 +53,10 @@ VARIANTS = {
 REGULAR = tuple(name for name in VARIANTS if "long" not in name)  # those take half an hour each
 # Sentences of the paper, and the two rows that each is about: what it says is better, and worse.
 CLAIMS = {
-    "language as query is better than action": ("PTAE", "PTAE, action asks"),
+    "language as query is better than action": ("PTAE", "PTAE, action as query"),
     "repeat both helps PGAE": ("PGAE", "PGAE, no repeat both"),
     "repeat both does not help PTAE": ("PTAE", "PTAE, repeat both"),
-    "word weights are unnecessary for PTAE": ("PTAE", "PTAE, words weighed"),
+    "word weights are unnecessary for PTAE": ("PTAE", "PTAE, class-weighted words"),
     "LSTM encoders change nothing": ("PTAE", "PTAE, LSTM encoders"),
 }  # that PTAE converges in less than half of PGAE's updates is a matter of `updates_to`
 KEY = ["data", "variant", "seed"]
@@ -118,7 +118,7 @@ def score(trained: Trained, samples: Samples, data: str, variant: str, seed: int
 POINT = ["epoch", "updates", "seconds", "describe_accuracy"]
 CURVE = ["variant", "seed", *POINT, "data"]
 STUDY = Study("family.csv", KEY, experiment_of, score,
-              beside={"family_curves.csv": [*KEY, "epoch"]}, watch=watch)  # fmt: skip
+              temporary={"family_curves.csv": [*KEY, "epoch"]}, watch=watch)  # fmt: skip
 
 
 def study(samples: Samples, folder, variants=REGULAR, seeds=(0, 1, 2), weights=None,

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ptae_lite.console import data_options
+from ptae_lite.cli import data_options
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
 from ptae_lite.evaluation import correct, nrmse, poses
@@ -52,7 +52,7 @@ class Variant(NamedTuple):
 MODELS = {
     "ptae": Variant(),
     "ptae_two_way": Variant({"queries": "both"}, {"epochs": 160}),
-    "ptae_congruent": Variant(recipe={"extra": 0.5}),
+    "ptae_congruent": Variant(recipe={"p_congruent_input": 0.5}),
 }
 
 
@@ -72,17 +72,17 @@ def asked_under(
         answer_source.distractor_of(samples, i, one, condition)
         for i, one in zip(indices.tolist(), extra, strict=True)
     ]
-    told = answer_source.told_by(answer, samples, indices, signal, motions)
+    decoded = answer_source.decoded_answers(answer, samples, indices, signal, motions)
     columns = dict.fromkeys(("accuracy", "nrmse", "nrmse_valid", "nearest_truth"), float("nan"))
     if signal in ANSWERS_WORDS:
         columns["accuracy"] = 100 * float(correct(answer, samples, indices).mean())
     else:
         error = nrmse(poses(answer, trained.scaling), samples, indices, trained.scaling)
         columns["nrmse"], columns["nrmse_valid"] = error
-        nearest = [what == true for (what, _), true in zip(told, truth, strict=True)]
+        nearest = [what == true for (what, _), true in zip(decoded, truth, strict=True)]
         columns["nearest_truth"] = 100 * float(np.mean(nearest))
     return columns | answer_source.shares(
-        answer_source.within(told, motions.reach), truth, distractor
+        answer_source.within(decoded, motions.reach), truth, distractor
     )
 
 

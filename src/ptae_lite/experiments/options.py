@@ -8,7 +8,7 @@ from pathlib import Path
 import joblib
 import pandas as pd
 
-from ptae_lite.console import bar, caution, whole_number
+from ptae_lite.cli import bar, caution, whole_number
 from ptae_lite.data import samples as data
 from ptae_lite.data.samples import Samples
 
@@ -41,7 +41,7 @@ def weights(parser: ArgumentParser, default: str | None = None) -> None:
 
 
 def samples(given) -> Samples:
-    """What `console.data_options` asks for."""
+    """What `cli.data_options` asks for."""
     return data.load_samples(given.data, given.holdout)
 
 

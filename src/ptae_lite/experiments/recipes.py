@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from ptae_lite.console import data_options
+from ptae_lite.cli import data_options
 from ptae_lite.data.samples import Samples
 from ptae_lite.experiments import options, supervision
 from ptae_lite.experiments.experiment import Experiment
@@ -40,8 +40,10 @@ CHOICES = {
     "long": Choice("twice the epochs", {"epochs": REGULAR.epochs * 2}),
     "slow": Choice("half the learning rate", {"learning_rate": REGULAR.learning_rate / 2}),
     "fast": Choice("twice the learning rate", {"learning_rate": REGULAR.learning_rate * 2}),
-    "unblended": Choice("no blends of clips", {"mixup": False}),
-    "one-pace": Choice("the action decoder no faster than the rest", {"action_pace": 1.0}),
+    "no-mixup": Choice("no blends of clips", {"mixup": False}),
+    "one-learning-rate": Choice(
+        "the action decoder no faster than the rest", {"action_lr_scale": 1.0}
+    ),
 }
 KEY = ["data", "choice", "seed"]
 

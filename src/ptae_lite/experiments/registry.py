@@ -17,6 +17,6 @@ from ptae_lite.experiments import (
 )
 
 STUDIES = {
-    "supervision": supervision, "recipes": recipes, "family": family, "eyes": encoders,
-    "eyes-ptae": encoders_in_use, "incongruence": incongruence_table, "closed-loop": closed_loop,
+    "supervision": supervision, "recipes": recipes, "family": family, "encoders": encoders,
+    "encoders-in-use": encoders_in_use, "incongruence": incongruence_table, "closed-loop": closed_loop,
 }  # fmt: skip

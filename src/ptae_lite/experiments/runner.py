@@ -45,7 +45,7 @@ class Study:
     experiment: Callable[..., Experiment | None]
     score: Callable[..., pd.DataFrame | dict[str, pd.DataFrame]]
     order: list[str] | None = None
-    beside: dict[str, list[str]] = field(default_factory=dict)
+    temporary: dict[str, list[str]] = field(default_factory=dict)
     see: Callable[..., Samples] | None = None
     watch: Callable[..., dict | None] | None = None
 
@@ -65,7 +65,10 @@ def run(study: Study, samples: Samples, jobs: Iterable[tuple], folder, weights=N
 
     def keep(rows) -> None:
         found = rows if isinstance(rows, dict) else {study.file: rows}
-        for name, order in {**study.beside, study.file: study.order}.items():  # what is done: last
+        for name, order in {
+            **study.temporary,
+            study.file: study.order,
+        }.items():  # what is done: last
             if len(found.get(name, ())):
                 tables.add(Path(folder) / name, found[name], study.key, order)
 
@@ -173,7 +176,7 @@ def fit(asked: Experiment, samples: Samples, weights=None, watch=None, **options
     own = chosen(samples, asked.split, asked.labels, asked.seed)
     trained = train(
         samples, asked.recipe, model=asked.model, config=asked.config, split=asked.split,
-        labelled=own, limited=asked.labels.chosen == "few updates", films=videos,
+        labelled=own, limited=asked.labels.chosen == "few updates", videos=videos,
         on_epoch=look, **options,
     )  # fmt: skip
     trained.about["experiment"] = asked.hash

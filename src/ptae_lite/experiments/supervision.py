@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from ptae_lite.console import data_options
+from ptae_lite.cli import data_options
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
 from ptae_lite.errors import ConfigError
@@ -59,7 +59,9 @@ VARIANTS = {
     # each sample once an epoch, as in the paper: the share of updates is the share of samples
     "paper": Variant({"balanced": False}),
     "balanced": Variant(),  # half of every batch has a label
-    "unpaired": Variant({"unpaired": True}),  # and a sentence to repeat comes with another's scene
+    "shuffled-scenes": Variant(
+        {"shuffle_scenes": True}
+    ),  # and a sentence to repeat comes with another's scene
     "covering": Variant(),  # balanced, too; the labelled samples name every word
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
@@ -107,7 +109,7 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
             more(model, "iterations", "long", seed, 1, 2)
             more(model, "samples", "long", seed, 1, 2)
             more(model, "samples", "covering", seed, 1, 2, 5)
-            more(model, "samples", "unpaired", seed, 2, 10, 50)
+            more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
             more(model, "samples", "paper", seed, *SHARES["samples"])
     return list(dict.fromkeys(map(_once, found)))
 
@@ -187,7 +189,7 @@ def score(trained: Trained | None, samples: Samples, job: Job, split: str = "tra
         return {FILE: pd.DataFrame([row])}
     about = trained.about
     row |= {"labelled": about["labelled"]} | scores(trained, samples, scored)
-    row |= {name: about[name] for name in ("supervised_presentations", "steps", "seconds")}
+    row |= {name: about[name] for name in ("supervised_samples_seen", "steps", "seconds")}
     row |= {"versions": versions}
     rows, said = pd.DataFrame([row]), examples(trained, samples).assign(**{k: row[k] for k in KEY})
     named = [{"mode": name.mode, "share": float(name.share)} for name in _names(job)]
@@ -238,7 +240,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
         recipe: of all trainings; each model's own if None.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]
-    made = Study(FILE, KEY, partial(_experiment, recipe), _score, beside={SENTENCES: KEY})
+    made = Study(FILE, KEY, partial(_experiment, recipe), _score, temporary={SENTENCES: KEY})
     return runner.run(made, samples, rows, folder, **where)
 
 

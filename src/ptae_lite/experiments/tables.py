@@ -10,7 +10,7 @@ import torch
 from joblib import Parallel, delayed, parallel_config
 
 from ptae_lite.errors import ArtefactError, ConfigError
-from ptae_lite.files import alone, whole
+from ptae_lite.files import atomic_write, file_lock
 
 PATIENCE_S = 10  # for a scheduler to answer
 TURN_S = 60  # for another process to have written its rows
@@ -45,14 +45,14 @@ def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None 
     Rows of the same key are replaced: a training may have been stopped between its two tables.
     Several processes may add to one table.
     """
-    with alone(path, TURN_S):
+    with file_lock(path, TURN_S):
         old = read(path, key)
         if len(old):
             again = _index(old, key).isin(_index(rows, key))
             rows = pd.concat([old[~again], rows], ignore_index=True)
-        with whole(path) as beside:
+        with atomic_write(path) as temporary:
             rows.sort_values(order or key, kind="stable").to_csv(
-                beside, index=False, lineterminator="\n"
+                temporary, index=False, lineterminator="\n"
             )
 
 

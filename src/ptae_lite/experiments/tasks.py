@@ -28,11 +28,11 @@ class Task(NamedTuple):
 
     sample: int  # its number, or that of the sample it was derived from
     stage: Setting
-    told: str | None
+    instruction: str | None
     asked: Pattern  # whose action, side and speed count
 
 
-def told_in(samples: Samples, indices) -> list[Task]:
+def tasks_in(samples: Samples, indices) -> list[Task]:
     """Samples of the data set in their own scenes, each with one of its eight sentences."""
     alternative, tasks = alternatives_for(len(samples.frames)).tolist(), []
     for i in map(int, indices):
@@ -52,11 +52,11 @@ def first_two(tasks: list[Task]) -> list[Task]:
 
 
 def blank(tasks: list[Task]) -> list[Task]:
-    return [task._replace(told=None) for task in tasks]
+    return [task._replace(instruction=None) for task in tasks]
 
 
 def synonyms(tasks: list[Task]) -> list[Task]:
-    return [task._replace(told=sentence(task.asked.meaning, 7)) for task in tasks]
+    return [task._replace(instruction=sentence(task.asked.meaning, 7)) for task in tasks]
 
 
 def swapped_speed(tasks: list[Task]) -> list[Task]:
@@ -64,7 +64,7 @@ def swapped_speed(tasks: list[Task]) -> list[Task]:
     other = {"slowly": "fast", "fast": "slowly"}
     return [
         task._replace(asked=replace(task.asked, speed=other[task.asked.speed]),
-                      told=sentence(task.asked.meaning._replace(speed=other[task.asked.speed])))
+                      instruction=sentence(task.asked.meaning._replace(speed=other[task.asked.speed])))
         for task in tasks
     ]  # fmt: skip
 
@@ -111,7 +111,7 @@ def absent_colour(tasks: list[Task]) -> list[Task]:
     for task in tasks:
         start = COLOURS.index(task.asked.meaning.colour) // 3 * 3
         (colour,) = set(COLOURS[start : start + 3]) - set(task.stage.colours)
-        made.append(task._replace(told=sentence(task.asked.meaning._replace(colour=colour))))
+        made.append(task._replace(instruction=sentence(task.asked.meaning._replace(colour=colour))))
     return made
 
 
@@ -126,5 +126,5 @@ OF_ALL = ("replay", "test", "blank")
 
 def tasks_of(samples: Samples, condition: str, split: str = "test") -> list[Task]:
     """All episodes of a condition."""
-    tasks = told_in(samples, samples.split(split))
+    tasks = tasks_in(samples, samples.split(split))
     return CONDITIONS[condition](tasks if condition in OF_ALL else first_two(tasks))

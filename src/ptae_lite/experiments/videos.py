@@ -14,7 +14,7 @@ from ptae_lite.acting import Actor
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import STEPS
 from ptae_lite.experiments.experiment import Experiment
-from ptae_lite.experiments.tasks import told_in
+from ptae_lite.experiments.tasks import tasks_in
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop
 
@@ -47,10 +47,10 @@ def noisy(samples: Samples, indices, seed: int) -> dict[int, list[np.ndarray]]:
 
 def seen_in_own_episodes(trained: Trained, samples: Samples, indices) -> dict[int, np.ndarray]:
     """What the model's camera saw in its own episodes with samples: features (99, F) of each."""
-    eye = vision.load_eye(artefacts.stored("weights/cae.safetensors"))
+    encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
     videos = {}
-    for task in told_in(samples, indices):
-        actor = Actor(trained, eye, task.told)
+    for task in tasks_in(samples, indices):
+        actor = Actor(trained, encoder, task.told)
         closed_loop.perform(task.stage, actor, limit=int(samples.frames[task.sample]) + 1)
         seen = np.stack(actor.looks)[:STEPS]
         rest = np.repeat(seen[-1:], STEPS - len(seen), axis=0)

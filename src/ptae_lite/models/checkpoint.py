@@ -1,4 +1,4 @@
-"""A trained model in one file: weights, sizes, scaling, recipe, and the eye it sees through."""
+"""A trained model in one file: weights, sizes, scaling, recipe, and the encoder it sees through."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from ptae_lite.models.registry import MODELS
 class TrainingRecord:
     """What a training reports of itself. It is stored with the weights."""
 
-    eye: str  # whose features were trained on: the hash of the image encoder's weights
+    encoder: str  # whose features were trained on: the hash of the image encoder's weights
     recipe: dict
     split: str
     holdout: int | None  # training patterns kept aside as a test part, see `splits`
     labelled: int  # samples with a label
     steps: int  # updates of the whole training
-    supervised_presentations: int = 0  # how often a sample was shown where its label counted
+    supervised_samples_seen: int = 0  # how often a sample was shown where its label counted
     # the mean of each of the model's losses in each epoch
     history: list[list[float]] = field(default_factory=list)
 
@@ -36,7 +36,7 @@ class TrainingRecord:
         return replace(
             self,
             history=[*self.history, means],
-            supervised_presentations=self.supervised_presentations + supervised,
+            supervised_samples_seen=self.supervised_samples_seen + supervised,
         )
 
 
@@ -55,12 +55,12 @@ class Trained:
     def dataset(self, samples: Samples) -> Dataset:
         """`samples` scaled as this model was trained.
 
-        Refused if another eye saw them, or if patterns are held out that it was trained on.
+        Refused if another encoder saw them, or if patterns are held out that it was trained on.
         """
-        if samples.eye != self.about["eye"]:
+        if samples.encoder != self.about["encoder"]:
             raise ArtefactError(
-                f"this model was trained on features of the CAE {self.about['eye'][:12]}, "
-                f"the samples have those of {samples.eye[:12]}; train it on these features, or "
+                f"this model was trained on features of the CAE {self.about['encoder'][:12]}, "
+                f"the samples have those of {samples.encoder[:12]}; train it on these features, or "
                 "make the features again with its CAE"
             )
         mine = self.about.get("holdout")
@@ -88,7 +88,7 @@ def load(path) -> Trained:
             f"{path} holds no model of ours but {about.get('kind')!r}; "
             f"models are {', '.join(MODELS)}"
         )
-    if "eye" not in about:
+    if "encoder" not in about:
         raise ArtefactError(f"{path} does not say whose features it was trained on; train it again")
     kind = MODELS[about["kind"]]
     parts = {"model": {}, "scaling": {}}

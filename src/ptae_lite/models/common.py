@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
-from ptae_lite.data.signals import Batch, Blended, Mix
+from ptae_lite.data.signals import Batch, Mix, MixupBatch
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import VOCABULARY, WORD_INDEX, Meaning, words_of
 
@@ -46,7 +46,7 @@ class Model(Protocol):
     def __call__(self, batch: Batch) -> Answer:
         """The answer to each sample of a batch, at every step."""
 
-    def costs(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
+    def loss(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
         """Losses to minimise: language, action, and any further ones, a number each.
 
         Args:
@@ -72,7 +72,7 @@ def losses(
         return chosen if word_weights is None else chosen * word_weights[words]
 
     chosen = said(batch.words)
-    if isinstance(batch, Blended):
+    if isinstance(batch, MixupBatch):
         chosen = torch.lerp(said(batch.other_words), chosen, batch.share[:, None])
     steps = batch.word_mask.to(chosen.dtype)
     language = (-(chosen * steps).sum(1) / steps.sum(1)).mean()

@@ -9,7 +9,7 @@ There is no mask on keys and no position on them: keys are an unordered set, and
 of short clips is attended to. That padding is how speed gets into `h`.
 
 Choices change that, each for an experiment: `queries` from action lets the frames ask the words,
-`TwoWay` does both at once, and a `clock` gives frames their position and hides the padding.
+`TwoWay` does both at once, and a `frame_positions` gives frames their position and hides the padding.
 """
 
 from __future__ import annotations
@@ -76,9 +76,9 @@ class CrossmodalTransformer(nn.Module):
     """
 
     def __init__(self, words: int, inputs: int, hidden: int, heads: int, feed_forward: int,
-                 dropout: float, queries: str = "language", clock: bool = False):  # fmt: skip
+                 dropout: float, queries: str = "language", frame_positions: bool = False):  # fmt: skip
         super().__init__()
-        self.queries, self.clock = queries, clock
+        self.queries, self.frame_positions = queries, frame_positions
         self.embed_token = nn.Linear(words, hidden)
         self.embed_frame = nn.Linear(inputs, hidden)
         self.embed_norm = nn.LayerNorm(hidden)
@@ -111,8 +111,8 @@ class CrossmodalTransformer(nn.Module):
         """The code h (B, H) and the attention weights (B, heads, N, T); T, N if frames ask."""
         if self.queries == "language":
             x, there = self.embed(self.embed_token, words, True), word_mask
-            keys = self.embed(self.embed_frame, frames, self.clock)
-            mask = frame_mask if self.clock else None
+            keys = self.embed(self.embed_frame, frames, self.frame_positions)
+            mask = frame_mask if self.frame_positions else None
         else:
             x, there = self.embed(self.embed_frame, frames, True), frame_mask
             keys, mask = self.embed(self.embed_token, words, False), word_mask
@@ -129,9 +129,9 @@ class TwoWay(nn.Module):
     not build them. A mean needs no further weights, and takes neither side.)
     """
 
-    def __init__(self, *sizes, clock: bool = False):
+    def __init__(self, *sizes, frame_positions: bool = False):
         super().__init__()
-        self.words_ask = CrossmodalTransformer(*sizes, "language", clock)
+        self.words_ask = CrossmodalTransformer(*sizes, "language", frame_positions)
         self.frames_ask = CrossmodalTransformer(*sizes, "action")
 
     def forward(

@@ -63,15 +63,15 @@ class LanguageDecoder(RecurrentDecoder):
 class ActionDecoder(RecurrentDecoder):
     """Code and video to joints: each step sees one frame and its own last pose.
 
-    `reminded`: each step is given the code, too, not the first state alone.
+    `condition_on_code`: each step is given the code, too, not the first state alone.
     """
 
     def __init__(self, features: int, joints: int, hidden: int, units: int, layers: int,
-                 forget_bias: float, peepholes: bool = False, reminded: bool = False):  # fmt: skip
-        inputs = features + joints + (hidden if reminded else 0)
+                 forget_bias: float, peepholes: bool = False, condition_on_code: bool = False):  # fmt: skip
+        inputs = features + joints + (hidden if condition_on_code else 0)
         super().__init__(inputs, joints, hidden, units, layers, forget_bias, peepholes)
         self.seen = features + joints  # the inputs before the code
-        self.reminded = reminded
+        self.condition_on_code = condition_on_code
 
     def forward(
         self,
@@ -89,6 +89,6 @@ class ActionDecoder(RecurrentDecoder):
 
     def move(self, code, frame: Float[Tensor, "B F"], pose: Float[Tensor, "B 5"], states: list):
         """One step: the next pose, and the new states."""
-        inputs = [frame, pose, code] if self.reminded else [frame, pose]
+        inputs = [frame, pose, code] if self.condition_on_code else [frame, pose]
         raw, states = self.step(torch.cat(inputs, dim=1), states)
         return torch.tanh(raw), states

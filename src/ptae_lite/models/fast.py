@@ -15,7 +15,7 @@ The way to the code, `encode`:
   is there n times has log n added to its score.
 - Frames that ask are not computed beyond the end of their clip.
 
-Recurrent layers, `act` and `summarise`, take a clip's steps and no more: see `packed`.
+Recurrent layers, `decode_fast` and `encode_fast`, take a clip's steps and no more: see `packed`.
 """
 
 from __future__ import annotations
@@ -107,31 +107,33 @@ def _attend(attention: Attention, query: Float[Tensor, "B N H"], keys, times):
     return (mixed.flatten(-2) + attention.value.bias).flatten(0, 1)
 
 
-def act(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B T J"]:
+def decode_fast(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B T J"]:
     """What `decoder(code, batch.video, batch.start)` is where `batch.step_mask` is; else zero."""
     if len(decoder.cells) != 2:  # only the published two layers have a fast form
         return decoder(code, batch.video, batch.start) * batch.step_mask[..., None]
     packed = Packed.of(batch.step_mask.sum(1))
     features, inputs = batch.video.shape[2], decoder.seen
     states = [part[packed.order] for layer in decoder.first_state(code) for part in layer]
-    (look1, recall1, bias1, peep1), (look2, recall2, bias2, peep2) = map(_parts, decoder.cells)
+    (ih1, hh1, bias1, peep1), (ih2, hh2, bias2, peep2) = map(_parts, decoder.cells)
     # what of the first layer's gates comes from the video: one product for all frames
     video = batch.video[packed.sample, packed.step]
-    seen = functional.linear(video, look1[:, :features], bias1)
-    if decoder.reminded:
-        seen = seen + functional.linear(code, look1[:, inputs:])[packed.sample]
+    seen = functional.linear(video, ih1[:, :features], bias1)
+    if decoder.condition_on_code:
+        seen = seen + functional.linear(code, ih1[:, inputs:])[packed.sample]
     poses = Unroll.apply(
         packed.spans, seen,
         batch.start[packed.order], *states,
-        torch.cat([recall1, look1[:, features:inputs]], dim=1),  # of h1 and the pose
-        torch.cat([look2, recall2], dim=1),  # of the new h1 and h2
+        torch.cat([hh1, ih1[:, features:inputs]], dim=1),  # of h1 and the pose
+        torch.cat([ih2, hh2], dim=1),  # of the new h1 and h2
         bias2, peep1, peep2, decoder.output.weight, decoder.output.bias,
     )  # fmt: skip
     answer = poses.new_zeros(*batch.step_mask.shape, poses.shape[1])
     return answer.index_put((packed.sample, packed.step), poses)
 
 
-def summarise(encoder: RecurrentEncoder, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]):
+def encode_fast(
+    encoder: RecurrentEncoder, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]
+):
     """What `encoder(rows, lengths)` is."""
     packed = Packed.of(lengths)
     hidden = rows[packed.sample, packed.step]
@@ -140,9 +142,9 @@ def summarise(encoder: RecurrentEncoder, rows: Float[Tensor, "B T I"], lengths: 
     ends[packed.sample[over]] = over.nonzero()[:, 0]
     parts = []
     for cell in encoder.cells:
-        look, recall, bias, peep = _parts(cell)
+        weight_ih, weight_hh, bias, peep = _parts(cell)
         hidden, memory = Layer.apply(
-            packed.spans, functional.linear(hidden, look, bias), recall, peep
+            packed.spans, functional.linear(hidden, weight_ih, bias), weight_hh, peep
         )
         parts += [memory[ends], hidden[ends]]
     return torch.cat(parts, dim=1)
@@ -159,6 +161,6 @@ def _parts(cell: nn.Module):
         return torch.cat([o, i, f, g])
 
     if isinstance(cell, PeepholeCell):
-        maps = cell.look.weight, cell.recall.weight, cell.look.bias
+        maps = cell.weight_ih.weight, cell.weight_hh.weight, cell.weight_ih.bias
         return *map(order, maps), cell.peepholes
     return *map(order, (cell.weight_ih, cell.weight_hh, cell.bias_ih + cell.bias_hh)), None

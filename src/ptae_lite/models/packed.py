@@ -104,7 +104,7 @@ class Layer(torch.autograd.Function):
     """One recurrent layer over packed rows, from a state of zero: hidden states and memories."""
 
     @staticmethod
-    def forward(ctx, spans, seen, recall, peep):
+    def forward(ctx, spans, seen, weight_hh, peep):
         """Hidden states and memories (R, U) of rows whose gates (R, 4U) have seen their input."""
         tape = _Tape(spans, seen.clone(), peep)
         hidden = seen.new_empty(len(seen), tape.units)
@@ -113,11 +113,11 @@ class Layer(torch.autograd.Function):
         for t, now in enumerate(turns):
             n = len(now)
             if t:
-                tape.steps[t][0].addmm_(turns[t - 1][:n], recall.T)
+                tape.steps[t][0].addmm_(turns[t - 1][:n], weight_hh.T)
             tape.forward(t, memory[:n], now)
             memory = tape.steps[t][-2]
         ctx.tape, ctx.spans = tape, spans
-        ctx.save_for_backward(hidden, recall)
+        ctx.save_for_backward(hidden, weight_hh)
         return hidden, tape.after.clone()  # the tape must not hold what autograd hands out
 
     @staticmethod
@@ -125,7 +125,7 @@ class Layer(torch.autograd.Function):
     def backward(ctx, to_hidden, to_memory):
         """The gradients by the gates, the recurrent weights and the peepholes."""
         tape, spans = ctx.tape, ctx.spans
-        hidden, recall = ctx.saved_tensors
+        hidden, weight_hh = ctx.saved_tensors
         made, slopes = tape.slopes(spans)
         earlier = torch.zeros_like(hidden)  # each row's hidden state one step before
         steps = steps_of(spans, hidden, earlier, to_hidden, to_memory)
@@ -136,7 +136,7 @@ class Layer(torch.autograd.Function):
             c[:n] += from_memory
             tape.backward(h[:n] + from_hidden, c[:n], slopes[t])
             if t:
-                torch.mm(slopes[t][0], recall, out=h[:n])
+                torch.mm(slopes[t][0], weight_hh, out=h[:n])
                 before.copy_(steps[t - 1][0][:n])
         return None, made, made.T @ earlier, tape.peep_gradient(made)
 

@@ -101,13 +101,13 @@ class PGAE(nn.Module):
         code = self.fuse(seen, said)
         return self._answer(batch, code, self.action(code, batch.video, batch.start))
 
-    def quick(self, batch: Batch) -> Answer:
+    def forward_fast(self, batch: Batch) -> Answer:
         """The answer of `forward`, computed faster for training (see `fast`)."""
         words, lengths = self._words(batch)
-        said = fast.summarise(self.words_in, words, lengths)
-        seen = fast.summarise(self.clip_in, batch.keys, batch.frames)
+        said = fast.encode_fast(self.words_in, words, lengths)
+        seen = fast.encode_fast(self.clip_in, batch.keys, batch.frames)
         code = self.fuse(seen, said)
-        return self._answer(batch, code, fast.act(self.action, code, batch))
+        return self._answer(batch, code, fast.decode_fast(self.action, code, batch))
 
     def _words(self, batch: Batch) -> tuple[Float[Tensor, "B N W"], Int[Tensor, " B"]]:
         """The query tokens as one-hot rows, and how many there are."""
@@ -118,6 +118,6 @@ class PGAE(nn.Module):
         no_heads = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
         return Answer(self.language(code, WORDS_OUT), joints, code, no_heads)
 
-    def costs(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
+    def loss(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
         """Losses to minimise: language (words weighted) and action. `paired` is not used."""
-        return losses(self.quick(batch), batch, self.word_weights)
+        return losses(self.forward_fast(batch), batch, self.word_weights)

@@ -27,7 +27,6 @@ CHOICES = {
     "language_encoder": encoders.LANGUAGE,
     "action_encoder": encoders.ACTION,
     "queries": ("language", "action", "both"),
-    "film": ("clip", "first"),
 }
 
 
@@ -54,11 +53,13 @@ class PTAEConfig:
     repeat_both: bool = False  # a fifth signal, as PGAE has
     weigh_words: bool = False  # errors in words count by the size of the word's class, as in PGAE
     # Ours, to show what the paper's choice does.
-    clock: bool = False  # frames have a position, and the padding is hidden
-    film: str = "clip"  # or `first`: the action decoder gets the first frame only, at every step
+    frame_positions: bool = False  # frames have a position, and the padding is hidden
+    freeze_video: bool = False  # the action decoder gets the first frame only, at every step
     # Ours, to act in the closed loop.
-    padded: bool = True  # a still first frame ends where the clip will; False: it has no end
-    reminded: bool = False  # the action decoder is given the code at every step
+    pad_still_frame: bool = (
+        True  # a still first frame ends where the clip will; False: it has no end
+    )
+    condition_on_code: bool = False  # the action decoder is given the code at every step
 
     def __post_init__(self):
         for name, value in asdict(self).items():
@@ -79,7 +80,7 @@ class PTAEConfig:
     @property
     def plain(self) -> bool:
         """Has the way to the code a fast form?"""
-        return self.language_encoder == self.action_encoder == "none" and not self.clock
+        return self.language_encoder == self.action_encoder == "none" and not self.frame_positions
 
 
 class PTAE(nn.Module):
@@ -96,12 +97,14 @@ class PTAE(nn.Module):
         seen = self.frames_in.size if self.frames_in else inputs
         sizes = (self.words_in.size, seen, c.hidden, c.heads, c.feed_forward, c.dropout)
         if c.queries == "both":
-            self.encoder = TwoWay(*sizes, clock=c.clock)
+            self.encoder = TwoWay(*sizes, frame_positions=c.frame_positions)
         else:
-            self.encoder = CrossmodalTransformer(*sizes, c.queries, c.clock)
+            self.encoder = CrossmodalTransformer(*sizes, c.queries, c.frame_positions)
         sizes = (c.hidden, c.decoder_units, c.decoder_layers, c.forget_bias)
         self.language = LanguageDecoder(*sizes)
-        self.action = ActionDecoder(c.features, c.joints, *sizes, reminded=c.reminded)
+        self.action = ActionDecoder(
+            c.features, c.joints, *sizes, condition_on_code=c.condition_on_code
+        )
         tokens = [signal_index(s) for s, row in WIRING.items() if row.keys == "first"]
         self.register_buffer("to_imagine", torch.tensor(tokens), persistent=False)
         self.register_buffer("word_weights", class_weights(c.weigh_words), persistent=False)
@@ -121,26 +124,26 @@ class PTAE(nn.Module):
         inside = frame < batch.frames[:, None]
         return self.encoder(words, batch.token_mask, frames, inside)
 
-    def quick(self, batch: Batch) -> Answer:
+    def forward_fast(self, batch: Batch) -> Answer:
         """The answer of `forward` without attention weights, computed faster for training."""
         batch = self._shown(batch)
         if self.config.plain:
             code = fast.encode(self.encoder, self.words_in, batch)
         else:
             code = self.encode(batch)[0]
-        joints = fast.act(self.action, code, batch)
+        joints = fast.decode_fast(self.action, code, batch)
         unseen = code.new_zeros(len(code), 0, batch.tokens.shape[1], batch.keys.shape[1])
         return Answer(self.language(code, WORDS_OUT), joints, code, unseen)
 
-    def costs(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
+    def loss(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
         """Losses to minimise: language and action. `paired` is not used."""
-        return losses(self.quick(batch), batch, self.word_weights)
+        return losses(self.forward_fast(batch), batch, self.word_weights)
 
     def _shown(self, batch: Batch) -> Batch:
         """The batch with what this model is shown of it."""
-        if self.config.film == "first":
+        if self.config.freeze_video:
             batch = replace(batch, video=batch.video[:, :1].expand_as(batch.video))
-        if not self.config.padded:
+        if not self.config.pad_still_frame:
             still = (batch.tokens[:, :1] == self.to_imagine).any(1)
             keys = torch.where(still[:, None, None], batch.keys[:, :1], batch.keys)
             frames = torch.where(still, batch.keys.shape[1], batch.frames)

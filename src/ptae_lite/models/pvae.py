@@ -97,9 +97,9 @@ class Half(nn.Module):
         """The code of sequences that end after `lengths` rows."""
         return self._code(self.encoder(reverse(rows, lengths), lengths))
 
-    def quick(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Code:
+    def forward_fast(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Code:
         """The same, computed faster for training (see `fast`)."""
-        return self._code(fast.summarise(self.encoder, reverse(rows, lengths), lengths))
+        return self._code(fast.encode_fast(self.encoder, reverse(rows, lengths), lengths))
 
     def _code(self, summary: Float[Tensor, "B S"]) -> Code:
         log_variance = self.log_variance(summary) if self.log_variance else None
@@ -174,7 +174,7 @@ class PVAE(nn.Module):
         to_say, to_do = torch.where(by_action, done, said), torch.where(by_language, said, done)
         return self.decode(batch, to_say, to_do, self.action(to_do, batch.video, batch.start))
 
-    def costs(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
+    def loss(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
         """Losses to minimise: language and action when both are repeated, and the binding loss.
 
         Args:
@@ -182,10 +182,10 @@ class PVAE(nn.Module):
                 clip with its sentence. In a PVAE the divergence of all codes is added.
         """
         c = self.config
-        said = self.words_in.quick(*self._words(batch))
-        codes = said, self.clip_in.quick(batch.keys, batch.frames)
+        said = self.words_in.forward_fast(*self._words(batch))
+        codes = said, self.clip_in.forward_fast(batch.keys, batch.frames)
         to_say, to_do = (self.draw(code) for code in codes)
-        answer = self.decode(batch, to_say, to_do, fast.act(self.action, to_do, batch))
+        answer = self.decode(batch, to_say, to_do, fast.decode_fast(self.action, to_do, batch))
         said, done = (code.mean for code in codes)
         if paired is not None and not paired.all():
             said, done = said[paired], done[paired]

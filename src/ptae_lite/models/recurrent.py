@@ -27,20 +27,20 @@ class PeepholeCell(nn.Module):
 
     def __init__(self, inputs: int, units: int):
         super().__init__()
-        self.look = nn.Linear(inputs, 4 * units)  # gates: input, forget, cell, output
-        self.recall = nn.Linear(units, 4 * units, bias=False)
+        self.weight_ih = nn.Linear(inputs, 4 * units)  # gates: input, forget, cell, output
+        self.weight_hh = nn.Linear(units, 4 * units, bias=False)
         self.peepholes = nn.Parameter(torch.empty(3, units))  # input, forget, output
         for parameter in self.parameters():
             nn.init.uniform_(parameter, -(units**-0.5), units**-0.5)
 
     def forward(self, x: Float[Tensor, "B I"], state: tuple[Tensor, Tensor]):
         """The new hidden state and the new memory, (B, units) each."""
-        return self.step(self.look(x), state)
+        return self.step(self.weight_ih(x), state)
 
     def step(self, seen: Float[Tensor, "B G"], state: tuple[Tensor, Tensor]):
         """The same, given what the G = 4 x units gates get from the input."""
         hidden, memory = state
-        i, f, g, o = (seen + self.recall(hidden)).chunk(4, dim=1)
+        i, f, g, o = (seen + self.weight_hh(hidden)).chunk(4, dim=1)
         see_i, see_f, see_o = self.peepholes
         kept = torch.sigmoid(f + see_f * memory) * memory
         memory = kept + torch.sigmoid(i + see_i * memory) * torch.tanh(g)
@@ -51,9 +51,9 @@ class PeepholeCell(nn.Module):
 
         Time comes first here; what the gates get from the inputs is one product for all rows.
         """
-        zero = rows.new_zeros(rows.shape[1], self.recall.in_features)
+        zero = rows.new_zeros(rows.shape[1], self.weight_hh.in_features)
         states = [(zero, zero)]
-        for seen in self.look(rows).unbind():
+        for seen in self.weight_ih(rows).unbind():
             states.append(self.step(seen, states[-1]))
         hidden, memory = zip(*states[1:], strict=True)
         return torch.stack(hidden), torch.stack(memory)
@@ -64,7 +64,7 @@ def make_cell(inputs: int, units: int, forget_bias: float, peepholes: bool = Fal
     cell = PeepholeCell(inputs, units) if peepholes else nn.LSTMCell(inputs, units)
     with torch.no_grad():  # gates lie in the order input, forget, cell, output
         if peepholes:
-            cell.look.bias[units : 2 * units] = forget_bias
+            cell.weight_ih.bias[units : 2 * units] = forget_bias
         else:
             cell.bias_ih[units : 2 * units] = forget_bias
             cell.bias_hh[units : 2 * units] = 0

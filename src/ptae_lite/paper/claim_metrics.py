@@ -2,7 +2,7 @@
 
 A claim takes its values out of `Tables`, one for each training. So the stored tables and those of
 a single run are read in the same way. A claim with a number of the paper holds in the direction in
-which the text reads it (`reported.Claim.reads`): a model that does better than a number to its
+which the text reads it (`reported.ClaimTest.reads`): a model that does better than a number to its
 credit keeps to it.
 """
 
@@ -33,11 +33,11 @@ class Tables(NamedTuple):
     curves: pd.DataFrame
     supervision: pd.DataFrame
     incongruence: pd.DataFrame
-    eyes: pd.DataFrame
+    encoders: pd.DataFrame
 
 
 @dataclass(frozen=True)
-class Claim:
+class ClaimTest:
     """A sentence of the paper in our words, and how it is held against our tables."""
 
     group: str
@@ -61,7 +61,7 @@ class Claim:
         return 2 if "NRMSE" in self.unit or "million" in self.unit else 1
 
 
-def number(says: str, claim: reported.Claim, values, unit="%", **more) -> Claim:
+def number(says: str, claim: reported.PaperNumber, values, unit="%", **more) -> ClaimTest:
     """A claim with a number of the paper, held against the median of the trainings."""
 
     def holds(found, _):
@@ -70,7 +70,7 @@ def number(says: str, claim: reported.Claim, values, unit="%", **more) -> Claim:
         return np.median(found) <= claim.value + MARGIN[unit]
 
     upwards = claim.reads == reported.AT_LEAST
-    return Claim(says=says, paper=claim.says, values=values, holds=holds, unit=unit,
+    return ClaimTest(says=says, paper=claim.says, values=values, holds=holds, unit=unit,
                  upwards=upwards, **more)  # fmt: skip
 
 
@@ -173,7 +173,7 @@ def more_harm(one: str, other: str, model: str = "ptae"):
         rows = tables.incongruence
         if rows.empty or model not in set(rows["model"]):
             return []
-        paid = incongruence_table.costs(rows[rows["model"] == model])
+        paid = incongruence_table.loss(rows[rows["model"] == model])
         paid = paid.pivot(index="seed", columns="signal", values="conflict")
         return paid[one] - paid[other]
 
@@ -228,8 +228,8 @@ def fall(model: str, column: str, mode: str, before: float, share: float):
 
 def channels(tables: Tables):
     """Both colours of first frames: separated channels before one network, equally many images."""
-    if tables.eyes.empty:
+    if tables.encoders.empty:
         return []
-    same = encoders_table.at(tables.eyes, encoders_table.EQUAL["images seen"])
-    scores = same.pivot(index="seed", columns="eye", values="first_both")
+    same = encoders_table.at(tables.encoders, encoders_table.EQUAL["images seen"])
+    scores = same.pivot(index="seed", columns="encoder", values="first_both")
     return scores[SEPARATED] - scores[PLAIN]

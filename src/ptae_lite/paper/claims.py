@@ -6,7 +6,7 @@ from ptae_lite.evaluation import CHANCE
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import (
     IN_WORDS,
-    Claim,
+    ClaimTest,
     always,
     channels,
     clearly,
@@ -57,7 +57,7 @@ CLAIMS = [
         group="The model",
         remark=SHORT,
     ),
-    Claim(
+    ClaimTest(
         "The model",
         "PTAE has about 1.5 million parameters",
         "about 1.5 M",
@@ -66,7 +66,7 @@ CLAIMS = [
         "million",
         heading="A family of four",
     ),
-    Claim(
+    ClaimTest(
         "The model",
         "Guessing describes one clip of 36",
         "2.78 %",
@@ -75,7 +75,7 @@ CLAIMS = [
         heading=FAMILY,
         trained=False,
     ),
-    Claim(
+    ClaimTest(
         "The model",
         "PTAE converges in less than half of PGAE's updates",
         "less than half",
@@ -85,7 +85,7 @@ CLAIMS = [
         heading=FAMILY,
         remark="Each has its own learning rate; after long trainings held at 90 %, not 75 or 95.",
     ),
-    Claim(
+    ClaimTest(
         "The model",
         "Words as queries do better than frames as queries",
         IN_WORDS,
@@ -95,7 +95,7 @@ CLAIMS = [
         heading=CHOICES,
         remark="Two of three seeds lean to it; the third shows no difference.",
     ),
-    Claim(
+    ClaimTest(
         "The model",
         "Repeat both helps PGAE",
         IN_WORDS,
@@ -106,7 +106,7 @@ CLAIMS = [
         caveat="In execute, and by little; describe shows no difference.",
     ),
     *(
-        Claim(
+        ClaimTest(
             "The model",
             says,
             IN_WORDS,
@@ -180,7 +180,7 @@ CLAIMS = [
         heading=COUNTS,
         remark="It starts higher, and rises by more than one point.",
     ),
-    Claim(
+    ClaimTest(
         "Conflict",
         "A false clip harms words more than a false sentence does",
         IN_WORDS,
@@ -191,7 +191,7 @@ CLAIMS = [
         REASON,
         caveat="Most of the gap is the speed, which only the padding of a clip gives.",
     ),
-    Claim(
+    ClaimTest(
         "Conflict",
         "A false clip harms motion more than a false sentence does",
         IN_WORDS,
@@ -202,7 +202,7 @@ CLAIMS = [
         REASON,
         caveat="A training with true extra input turns it round, but for the speed.",
     ),
-    Claim(
+    ClaimTest(
         "Conflict",
         "One-way attention is a reason (offered, to be tested)",
         IN_WORDS,
@@ -221,7 +221,7 @@ CLAIMS = [
         caveat="A part of it: the gap stays in words, and nearly half goes in motion.",
     ),
     *(
-        Claim(
+        ClaimTest(
             "Conflict",
             f"{name} alone harms {signal}, but less than both parts",
             IN_WORDS,
@@ -234,7 +234,7 @@ CLAIMS = [
         for signal in ("execute", "repeat language")
         for name, place in (("False vision", "vision"), ("False proprioception", "proprioception"))
     ),
-    Claim(
+    ClaimTest(
         "The encoder",
         "Separate colour channels tell colours apart better than one network",
         IN_WORDS,

@@ -10,7 +10,7 @@ from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import (
     IN_WORDS,
     TINY,
-    Claim,
+    ClaimTest,
     ahead,
     always,
     both_lengths,
@@ -32,7 +32,7 @@ REMARKS = {  # by model, task, experiment and share
 }
 
 
-def _with_few_labels() -> list[Claim]:
+def _with_few_labels() -> list[ClaimTest]:
     """What the text says in numbers of few labels, share by share, but for the regular model."""
     found = []
     for (model, column, mode), by_share in reported.BY_SHARE.items():
@@ -54,7 +54,7 @@ def _with_few_labels() -> list[Claim]:
 
 FEW_LABELS = [
     *_with_few_labels(),
-    Claim(
+    ClaimTest(
         "Few labels",
         "PTAE, describe with 2 % of the samples",
         '"up to 50 %"; also "more than half"',
@@ -63,7 +63,7 @@ FEW_LABELS = [
         values=with_labels("ptae", "describe_accuracy", "samples", 2),
         remark="The text names two numbers that exclude each other.",
     ),
-    Claim(
+    ClaimTest(
         "Few labels",
         "PTAE, execute stays on a plateau with 20 to 50 % of the samples",
         IN_WORDS,
@@ -75,7 +75,7 @@ FEW_LABELS = [
         trained=False,
     ),
     *(
-        Claim(
+        ClaimTest(
             "Few labels",
             f"PTAE describes better than PGAE with {share} % of the samples",
             IN_WORDS,
@@ -94,7 +94,7 @@ FEW_LABELS = [
         )
     ),
     *(
-        Claim(
+        ClaimTest(
             "Few labels",
             f"PGAE describes above chance with {share} % of the samples",
             IN_WORDS,
@@ -110,7 +110,7 @@ FEW_LABELS = [
         )
         for share, remark in ((1, "With one list of seven it is at chance."), (2, ""))
     ),
-    Claim(
+    ClaimTest(
         "Few labels",
         "PGAE describes worse with 10 % of the iterations than with 20 %",
         IN_WORDS,
@@ -120,7 +120,7 @@ FEW_LABELS = [
         FEW,
         ANCESTORS,
     ),
-    Claim(
+    ClaimTest(
         "Few labels",
         "PTAE, execute by iterations: a similar trend",
         "no number",

@@ -11,7 +11,7 @@ from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import incongruence_table
 from ptae_lite.experiments.supervision import VARIANTS
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.paper.claim_metrics import MARGIN, Claim, Tables
+from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables
 from ptae_lite.paper.claims import CLAIMS
 
 HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
@@ -27,7 +27,7 @@ ASKED = [  # of a run: what claims about conflicts are read from
 
 def stored() -> Tables:
     """The tables of `data/results`, the rows of our recording."""
-    names = ("family", "family_curves", "supervision", "incongruence", "eyes")
+    names = ("family", "family_curves", "supervision", "incongruence", "encoders")
     found = [pd.read_csv(artefacts.stored(f"results/{name}.csv")) for name in names]
     own = [table[table["data"] == "recording"] if "data" in table else table for table in found]
     tables = Tables(*own)
@@ -44,7 +44,7 @@ def this_run(trained: Trained, samples: Samples) -> Tables:
     return Tables(pd.DataFrame([scores]), none, none, answers.assign(**head), none)
 
 
-def verdict(claim: Claim, tables: Tables) -> tuple[str, str]:
+def verdict(claim: ClaimTest, tables: Tables) -> tuple[str, str]:
     """What becomes of a claim, and the sentence that goes with it."""
     values = np.asarray(claim.values(tables), dtype=float)
     if claim.holds is None:
@@ -86,7 +86,7 @@ def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def written(claim: Claim, values) -> str:
+def written(claim: ClaimTest, values) -> str:
     """Median and range of a claim's values, with their number; empty if there are none."""
     values = np.asarray(values, dtype=float) + 0.0  # no -0.0
     if not len(values):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 AT_LEAST, AT_MOST = "at least", "at most"
 
 
-class Claim(NamedTuple):
+class PaperNumber(NamedTuple):
     """One number of the paper."""
 
     value: float  # percent
@@ -22,44 +22,44 @@ class Claim(NamedTuple):
 
 _CONFLICT = "conflict results"
 REGULAR = {
-    "describe_accuracy": Claim(100.0, "100 % without conflict", _CONFLICT, AT_LEAST),
-    "repeat_language_accuracy": Claim(100.0, "100 % without conflict", _CONFLICT, AT_LEAST),
-    "execute_nrmse": Claim(0.99, "0.99 % without conflict", _CONFLICT, AT_MOST),
-    "repeat_action_nrmse": Claim(1.03, "1.03 % without conflict", _CONFLICT, AT_MOST),
+    "describe_accuracy": PaperNumber(100.0, "100 % without conflict", _CONFLICT, AT_LEAST),
+    "repeat_language_accuracy": PaperNumber(100.0, "100 % without conflict", _CONFLICT, AT_LEAST),
+    "execute_nrmse": PaperNumber(0.99, "0.99 % without conflict", _CONFLICT, AT_MOST),
+    "repeat_action_nrmse": PaperNumber(1.03, "1.03 % without conflict", _CONFLICT, AT_MOST),
 }
 
 _KEPT = "limited iterations results", "limited samples results"
 
 # Limited supervision: by model, measure and experiment, then by the share in percent.
-BY_SHARE: dict[tuple[str, str, str], dict[float, Claim]] = {
+BY_SHARE: dict[tuple[str, str, str], dict[float, PaperNumber]] = {
     ("ptae", "describe_accuracy", "iterations"): {
-        share: Claim(100.0, "perfect at all levels", _KEPT[0], AT_LEAST)
+        share: PaperNumber(100.0, "perfect at all levels", _KEPT[0], AT_LEAST)
         for share in (1, 2, 10, 20, 50, 66.6)
     },
     ("pgae", "describe_accuracy", "iterations"): {
-        1: Claim(36.0, "36 %", _KEPT[0], AT_MOST),
-        2: Claim(50.0, "well below 50 %", _KEPT[0], AT_MOST),
-        20: Claim(95.0, "over 95 %", _KEPT[0], AT_LEAST),
+        1: PaperNumber(36.0, "36 %", _KEPT[0], AT_MOST),
+        2: PaperNumber(50.0, "well below 50 %", _KEPT[0], AT_MOST),
+        20: PaperNumber(95.0, "over 95 %", _KEPT[0], AT_LEAST),
     },
     ("ptae", "describe_accuracy", "samples"): {
-        1: Claim(33.0, "about 33 %", _KEPT[1], AT_LEAST),
-        10: Claim(81.0, "about 81 % where more than 90 % is unimodal", _KEPT[1], AT_LEAST),
-        20: Claim(100.0, "no drop", _KEPT[1], AT_LEAST),
-        50: Claim(100.0, "no drop", _KEPT[1], AT_LEAST),
-        66.6: Claim(100.0, "no drop", _KEPT[1], AT_LEAST),
-        100: Claim(100.0, "the regular model", _KEPT[1], AT_LEAST),
+        1: PaperNumber(33.0, "about 33 %", _KEPT[1], AT_LEAST),
+        10: PaperNumber(81.0, "about 81 % where more than 90 % is unimodal", _KEPT[1], AT_LEAST),
+        20: PaperNumber(100.0, "no drop", _KEPT[1], AT_LEAST),
+        50: PaperNumber(100.0, "no drop", _KEPT[1], AT_LEAST),
+        66.6: PaperNumber(100.0, "no drop", _KEPT[1], AT_LEAST),
+        100: PaperNumber(100.0, "the regular model", _KEPT[1], AT_LEAST),
     },
     ("pgae", "describe_accuracy", "samples"): {
-        50: Claim(80.0, "below 80 %", _KEPT[1], AT_MOST),
+        50: PaperNumber(80.0, "below 80 %", _KEPT[1], AT_MOST),
     },
     ("ptae", "execute_nrmse", "samples"): {
-        1: Claim(4.0, "a little over 4 %", _KEPT[1], AT_MOST),
+        1: PaperNumber(4.0, "a little over 4 %", _KEPT[1], AT_MOST),
         100: REGULAR["execute_nrmse"],
     },
     ("pgae", "execute_nrmse", "samples"): {
-        1: Claim(14.0, "almost 14 %", _KEPT[1], AT_LEAST),
-        66.6: Claim(8.0, "almost 8 %", _KEPT[1], AT_LEAST),
-        100: Claim(0.5, "below 0.5 % in the regular training", _KEPT[1], AT_MOST),
+        1: PaperNumber(14.0, "almost 14 %", _KEPT[1], AT_LEAST),
+        66.6: PaperNumber(8.0, "almost 8 %", _KEPT[1], AT_LEAST),
+        100: PaperNumber(0.5, "below 0.5 % in the regular training", _KEPT[1], AT_MOST),
     },
 }
 # Describe with 2 % of the samples is "up to 50 %" in one place and more than half in another, so
@@ -67,21 +67,21 @@ BY_SHARE: dict[tuple[str, str, str], dict[float, Claim]] = {
 # with few samples lower than PTAE, above chance at 1 and 2 %.
 
 # By the number of conflicts in the extra input, as far as the text has numbers.
-_NOTHING_LEFT = Claim(0.0, "0 % with one conflict or more", _CONFLICT, AT_MOST)
+_NOTHING_LEFT = PaperNumber(0.0, "0 % with one conflict or more", _CONFLICT, AT_MOST)
 CONFLICTS = {
     "describe": {
         0: REGULAR["describe_accuracy"],
-        3: Claim(95.0, "falls from 100 to 95 %", _CONFLICT, AT_LEAST),
+        3: PaperNumber(95.0, "falls from 100 to 95 %", _CONFLICT, AT_LEAST),
     },
     "repeat language": {0: REGULAR["repeat_language_accuracy"]}
     | dict.fromkeys((1, 2, 3), _NOTHING_LEFT),
     "execute": {
         0: REGULAR["execute_nrmse"],
-        3: Claim(4.95, "rises from 0.99 to 4.95 %", _CONFLICT, AT_LEAST),
+        3: PaperNumber(4.95, "rises from 0.99 to 4.95 %", _CONFLICT, AT_LEAST),
     },
     "repeat action": {
         0: REGULAR["repeat_action_nrmse"],
-        3: Claim(1.09, "rises from 1.03 to 1.09 %", _CONFLICT, AT_MOST),
+        3: PaperNumber(1.09, "rises from 1.03 to 1.09 %", _CONFLICT, AT_MOST),
     },
 }
 

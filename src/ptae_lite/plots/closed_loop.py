@@ -73,15 +73,15 @@ def ways(table: pd.DataFrame) -> Figure:
 def strips(path=None) -> Figure:
     """Film strips of episodes, a row each, with the instruction and what came of it."""
     with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
-        films, texts = file["films"], file["texts"].tolist()
+        videos, texts = file["strips"], file["texts"].tolist()
     # by hand: the automatic layout would make the first column as wide as the lines over it
     figure, axes = plt.subplots(
-        *films.shape[:2], figsize=(7.5, 1.35 * len(films)), layout="none",
+        *videos.shape[:2], figsize=(7.5, 1.35 * len(videos)), layout="none",
         gridspec_kw={"left": 0, "right": 1, "bottom": 0, "top": 0.97, "wspace": 0.04,
                      "hspace": 0.3},
     )  # fmt: skip
-    for row, film, text in zip(axes, films, texts, strict=True):
-        for axis, image in zip(row, film, strict=True):
+    for row, video, text in zip(axes, videos, texts, strict=True):
+        for axis, image in zip(row, video, strict=True):
             axis.imshow(image)
             axis.set_axis_off()
         row[0].set_title(text, loc="left", fontsize=8)

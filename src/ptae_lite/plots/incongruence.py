@@ -13,7 +13,7 @@ import pandas as pd
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from ptae_lite.experiments.answer_source import FOLLOWED
+from ptae_lite.experiments.answer_source import SOURCES
 from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES
 from ptae_lite.paper import reported
 from ptae_lite.plots import style
@@ -125,7 +125,7 @@ def followed(table: pd.DataFrame) -> Figure:
         left = np.zeros(len(names))
         values = [of[(of["conflict_in"] == place) & (of["conflicts"] == count)]
                   for place, count in rows[signal].values()]  # fmt: skip
-        for name in FOLLOWED:
+        for name in SOURCES:
             width = np.array([part[name].mean() for part in values])
             colour, hatch = FILLS[name]
             axis.barh(names, width, left=left, color=colour, hatch=hatch, edgecolor="white",

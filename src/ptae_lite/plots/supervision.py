@@ -53,17 +53,19 @@ def by_share(table: pd.DataFrame) -> Figure:
     return style.closed(figure)
 
 
-def by_presentations(table: pd.DataFrame) -> Figure:
+def by_samples_seen(table: pd.DataFrame) -> Figure:
     """Describe accuracy of PTAE over how often a label was shown; a mark a training.
 
     Numbers are the shares in percent. Variants of what is labelled or shown are left out.
     """
-    mine = table[(table["model"] == "ptae") & ~table["variant"].isin(["covering", "unpaired"])]
+    mine = table[
+        (table["model"] == "ptae") & ~table["variant"].isin(["covering", "shuffled-scenes"])
+    ]
     regular = mine["share"] == mine["mode"].map(REGULAR)
     kind = (mine["mode"] + ", " + mine["variant"]).mask(regular, "all labels")
     figure, axis = plt.subplots(figsize=(7, 3.2))
     for (name, rows), mark in zip(mine.groupby(kind), "os^Dv<>p", strict=False):
-        points = ("supervised_presentations", "describe_accuracy")
+        points = ("supervised_samples_seen", "describe_accuracy")
         axis.plot(*(rows[column] for column in points), mark, fillstyle="none", label=name)
         for share, own in () if name == "all labels" else rows.groupby("share"):
             axis.annotate(f"{share:g}", own[list(points)].mean(), textcoords="offset points",

@@ -16,7 +16,7 @@ from ptae_lite.plots import style
 LOOKS = (("-", "o"), ("--", "s"), ("-.", "^"), (":", "D"))
 
 
-def spreads(
+def dots_by_seed(
     rows: pd.DataFrame,
     group: str,
     x: str,

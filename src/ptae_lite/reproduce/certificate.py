@@ -20,12 +20,12 @@ import numpy as np
 import torch
 
 from ptae_lite import artefacts
-from ptae_lite.console import guarded
+from ptae_lite.cli import guarded
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.signals import Source
 from ptae_lite.errors import ArtefactError
 from ptae_lite.evaluation import evaluate, nrmse, poses, respond, sentences
-from ptae_lite.files import check_writable, whole
+from ptae_lite.files import atomic_write, check_writable
 from ptae_lite.models import checkpoint
 from ptae_lite.pipes import piped
 from ptae_lite.reproduce import fingerprints
@@ -241,8 +241,8 @@ def main(arguments=None) -> int:
         check_writable(options.out)
         times = Path(options.times)
         body = make(options.name, json.loads(times.read_text("utf-8")) if times.is_file() else {})
-        with whole(options.out) as beside:
-            beside.write_text(json.dumps(body, indent=1, ensure_ascii=False) + "\n", "utf-8")
+        with atomic_write(options.out) as temporary:
+            temporary.write_text(json.dumps(body, indent=1, ensure_ascii=False) + "\n", "utf-8")
         for what, good in body["verdicts"].items():
             print(f"{'good' if good else 'WRONG':<8} {what}")
         if broken := failed(body["sources"], body["chapters"]):

@@ -1,6 +1,6 @@
 """How a re-made file is held against the stored one, each within a tolerance that it states.
 
-The same bytes always agree. Where they cannot be expected (another machine, an eye of today's
+The same bytes always agree. Where they cannot be expected (another machine, an encoder of today's
 recipe, another seed), a check compares what the file is good for: the numbers of a table, the
 scores of a model, the motions of a recording.
 """
@@ -163,9 +163,9 @@ def _strips(name: str, remade: Path, stored: Path) -> Comparison:
     made, was = (_arrays(folder / name) for folder in (remade, stored))
     if _shapes(made) != _shapes(was):
         return Comparison(False, OTHER_SHAPES)
-    films = [n for n, a in was.items() if a.dtype == np.uint8]
-    light = {n: tuple(a[n].mean((-3, -2)) for a in (made, was)) for n in films}  # of pictures
-    return near(light, dict.fromkeys(films, (10, 0)), 0.9)
+    videos = [n for n, a in was.items() if a.dtype == np.uint8]
+    light = {n: tuple(a[n].mean((-3, -2)) for a in (made, was)) for n in videos}  # of pictures
+    return near(light, dict.fromkeys(videos, (10, 0)), 0.9)
 
 
 def episodes(share: float) -> Check:
@@ -173,8 +173,8 @@ def episodes(share: float) -> Check:
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (kept_episodes.load(folder / name) for folder in (remade, stored))
-        if [(one.told, one.stage.colours) for one in made] != [
-            (one.told, one.stage.colours) for one in was
+        if [(one.instruction, one.stage.colours) for one in made] != [
+            (one.instruction, one.stage.colours) for one in was
         ]:
             return Comparison(False, "holds other sentences or scenes")
         alike = [m.verdict.success == w.verdict.success for m, w in zip(made, was, strict=True)]
@@ -201,8 +201,8 @@ def _pixels(file: zipfile.ZipFile, name: str) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(file.read(name))).convert("RGB"), dtype=float)
 
 
-def drawing(worse: float) -> Check:
-    """An eye: how far what it draws of the stored first frames is from them, one-sided."""
+def reconstruction(worse: float) -> Check:
+    """An encoder: how far what it draws of the stored first frames is from them, one-sided."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         from ptae_lite.data import frames
@@ -211,7 +211,7 @@ def drawing(worse: float) -> Check:
         images = vision.as_input(frames.images(keys))
         with torch.no_grad():
             made, was = (
-                float((vision.load_eye(folder / name)(images) - images).abs().mean())
+                float((vision.load_autoencoder(folder / name)(images) - images).abs().mean())
                 for folder in (remade, stored)
             )
         return Comparison(made <= was * (1 + worse), f"error of a pixel {made:.4f} for {was:.4f}")
@@ -219,7 +219,7 @@ def drawing(worse: float) -> Check:
     return Check(f"draws first frames at most {worse:.0%} worse", compare)
 
 
-def _readout(name: str, remade: Path, stored: Path) -> Comparison:
+def _probe(name: str, remade: Path, stored: Path) -> Comparison:
     scores = []
     for folder in (remade, stored):
         samples = load_stored(folder)
@@ -228,7 +228,7 @@ def _readout(name: str, remade: Path, stored: Path) -> Comparison:
 
 
 def _scores(name: str, remade: Path, stored: Path) -> Comparison:
-    """Each model on the features of its own folder's eye."""
+    """Each model on the features of its own folder's encoder."""
     made, was = (
         evaluate(checkpoint.load(folder / name), load_stored(folder)) for folder in (remade, stored)
     )
@@ -239,5 +239,5 @@ def _scores(name: str, remade: Path, stored: Path) -> Comparison:
 STRIPS = Check(
     "90% of its pictures of the same light, ± 10 levels; the episodes are others", _strips
 )
-READOUT = Check("a weighted sum reads as many clips right, ± 5 points", _readout)
+PROBED = Check("the linear baseline reads as many clips right, ± 5 points", _probe)
 SCORES = Check("accuracies ± 5 points, NRMSE ± 0.5 points", _scores)

@@ -11,8 +11,8 @@ import sys
 from pathlib import Path
 
 from ptae_lite import devices
-from ptae_lite.console import guarded, refuse_data, whole_number
-from ptae_lite.files import alone
+from ptae_lite.cli import guarded, refuse_data, whole_number
+from ptae_lite.files import file_lock
 from ptae_lite.pipes import piped
 from ptae_lite.reproduce import report
 from ptae_lite.reproduce.rerun import Rerun, Settings
@@ -34,7 +34,7 @@ def main(arguments=None, stages: tuple[Stage, ...] = STAGES) -> int:
         settings = Settings(out, options.seeds, devices.choose(options.device))
         if options.plan:
             return show_plan(Rerun(settings, stages))
-        with alone(out):
+        with file_lock(out):
             rerun = Rerun(settings, stages)
             failed = rerun.go()
             if failed:

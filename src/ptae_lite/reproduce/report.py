@@ -7,7 +7,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from ptae_lite import artefacts
-from ptae_lite.files import whole
+from ptae_lite.files import atomic_write
 from ptae_lite.reproduce import checks, fingerprints
 from ptae_lite.reproduce.rerun import Rerun
 from ptae_lite.reproduce.stages import Stage
@@ -77,11 +77,11 @@ def write(rerun: Rerun, failed: Stage | None = None) -> int:
         *(f"| {name} | {entry['minutes']:.1f} | `{entry['command']}` |"
           for name, entry in rerun.state["done"].items()), "",
     ]  # fmt: skip
-    with whole(out / "report.md") as beside:
-        beside.write_text("\n".join(lines), encoding="utf-8")
-    with whole(out / "report.json") as beside:
+    with atomic_write(out / "report.md") as temporary:
+        temporary.write_text("\n".join(lines), encoding="utf-8")
+    with atomic_write(out / "report.json") as temporary:
         text = json.dumps(about | {"files": [row._asdict() for row in found]}, indent=1)
-        beside.write_text(text + "\n", encoding="utf-8")
+        temporary.write_text(text + "\n", encoding="utf-8")
     for row in found:
         if row.verdict != AGREES:
             print(f"{row.verdict:12} {row.file}: {row.found}")

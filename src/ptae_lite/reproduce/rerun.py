@@ -20,7 +20,7 @@ from pathlib import Path
 from ptae_lite import artefacts
 from ptae_lite.errors import PTAEError
 from ptae_lite.experiments import tables
-from ptae_lite.files import whole
+from ptae_lite.files import atomic_write
 from ptae_lite.reproduce.fingerprints import library
 from ptae_lite.reproduce.stages import STAGES, Stage
 from ptae_lite.reproduce.view import View, share_in
@@ -178,14 +178,14 @@ class Rerun:
             kept = self.settings.data / name
             kept.parent.mkdir(parents=True, exist_ok=True)
             stored = self.settings.stored / name
-            with whole(kept) as beside:
+            with atomic_write(kept) as temporary:
                 if check.key and stored.exists():  # chapters ask for rows that a re-run lacks
                     both = (tables.read(path, list(check.key)) for path in (made, stored))
                     tables.completed(*both, list(check.key)).to_csv(
-                        beside, index=False, lineterminator="\n"
+                        temporary, index=False, lineterminator="\n"
                     )
                 else:
-                    shutil.copyfile(made, beside)
+                    shutil.copyfile(made, temporary)
             artefacts.register(name, command=command, seed=None, minutes=minutes,
                                data=self.settings.data)  # fmt: skip
         self._finish(stage, command, minutes, self._files(stage))
@@ -205,8 +205,8 @@ class Rerun:
         self._write()
 
     def _write(self) -> None:
-        with whole(self.settings.out / "rerun.json") as beside:
-            beside.write_text(json.dumps(self.state, indent=1) + "\n", encoding="utf-8")
+        with atomic_write(self.settings.out / "rerun.json") as temporary:
+            temporary.write_text(json.dumps(self.state, indent=1) + "\n", encoding="utf-8")
 
     def last_words(self, stage: Stage) -> str:
         log = self.settings.out / "logs" / f"{stage.name}.log"

@@ -19,14 +19,14 @@ from ptae_lite.experiments import (
     supervision,
 )
 from ptae_lite.reproduce.checks import (
-    READOUT,
+    PROBED,
     SCORES,
     STRIPS,
     Check,
     arrays,
-    drawing,
     episodes,
     pictures,
+    reconstruction,
     table,
     texts,
 )
@@ -60,29 +60,29 @@ class Stage(NamedTuple):
 SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # one training differs from the next so much
 ANSWERS = {"right": (0, 0)}
 SEEN = {"both|left|right": (15, 0), "_mm|error": (0, 0.3), "r2": (0.15, 0)}
-EYES = {  # as long as the stored eyes were trained; the study goes further with the plain one
-    "weights/cae.safetensors": "eyes/separated_3x10_seed0/eye_128000.safetensors",
-    "weights/plain_cae.safetensors": "eyes/plain_10_seed0/eye_128000.safetensors",
+ENCODERS = {  # as long as the stored encoders were trained; the study goes further with the plain one
+    "weights/cae.safetensors": "encoders/separated_3x10_seed0/encoder_128000.safetensors",
+    "weights/plain_cae.safetensors": "encoders/plain_10_seed0/encoder_128000.safetensors",
 }
 STAGES = (
     Stage("recording", "ptae_lite record --out {out}/recording", {
         "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
         "recording/frames.zip": pictures(2)}, 5, simulator=True),
-    Stage("eyes", "ptae_lite study eyes --workers 2 --recording {out}/recording "
-          "--eyes {out}/eyes --seeds {seeds} --device {device} "
+    Stage("encoders", "ptae_lite study encoders --workers 2 --recording {out}/recording "
+          "--encoders {out}/encoders --seeds {seeds} --device {device} "
           "--out {out}/results", {
-        "results/eyes.csv": table(encoders.KEY[:4], SEEN, 0.9),
-        "results/eyes_drawings.npz": arrays(
+        "results/encoders.csv": table(encoders.KEY[:4], SEEN, 0.9),
+        "results/encoder_reconstructions.npz": arrays(
             dict.fromkeys((*encoders.CAES, *encoders.PCAS), 10), 0.85),
-        "weights/cae.safetensors": drawing(0.25),
-        "weights/plain_cae.safetensors": drawing(0.25)},
-        1, 19, simulator=True, lies=EYES),
+        "weights/cae.safetensors": reconstruction(0.25),
+        "weights/plain_cae.safetensors": reconstruction(0.25)},
+        1, 19, simulator=True, lies=ENCODERS),
     Stage("features", "ptae_lite features --data {out}/recording "
-          "--eye {out}/eyes/separated_3x10_seed0/eye_128000.safetensors",
-          {"recording/features.npz": READOUT}, 1, simulator=True),
-    Stage("eyes in use", "ptae_lite study eyes-ptae --workers 2 --eyes {out}/eyes "
+          "--encoder {out}/encoders/separated_3x10_seed0/encoder_128000.safetensors",
+          {"recording/features.npz": PROBED}, 1, simulator=True),
+    Stage("encoders in use", "ptae_lite study encoders-in-use --workers 2 --encoders {out}/encoders "
           "--seeds {seeds} --out {out}/results",
-          {"results/eyes_ptae.csv": table(encoders_in_use.KEY, SCORED, 0.9)},
+          {"results/encoders_in_use.csv": table(encoders_in_use.KEY, SCORED, 0.9)},
           0, 11, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results", {  # its PTAE is that of the studies below
@@ -92,8 +92,8 @@ STAGES = (
         0, 24, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
     Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
           "--out {out}/results", {
-        "results/incongruence_stories.csv": texts(conflict_examples.KEY, "answer", 0.6),
-        "results/incongruence_stories.npz": arrays({"joints": 0.05, "films": 4}, 0.9)},
+        "results/incongruence_examples.csv": texts(conflict_examples.KEY, "answer", 0.6),
+        "results/incongruence_examples.npz": arrays({"joints": 0.05, "strips": 4}, 0.9)},
         simulator=True),
     Stage("recipes",  # both stored seeds: with 56 labels one training says little
           "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 1 "
@@ -116,7 +116,7 @@ STAGES = (
         "results/closed_loop_models.csv": table(closed_loop.SCORES.key, SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
-        "weights/ptae_blind_seed0.safetensors": SCORES}, 2, 20, simulator=True),
+        "weights/one_look_policy_seed0.safetensors": SCORES}, 2, 20, simulator=True),
     Stage("book", "ptae_lite.book.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip

@@ -24,7 +24,7 @@ from joblib import Parallel, delayed
 
 from ptae_lite import language
 from ptae_lite.errors import RecordingError
-from ptae_lite.files import PART, alone, whole, write_arrays
+from ptae_lite.files import PART, atomic_write, file_lock, write_arrays
 from ptae_lite.language import ARRANGEMENTS, Pattern, patterns
 from ptae_lite.robot import arm, motions, scene, urdf
 
@@ -103,7 +103,7 @@ def record(folder, *, workers: int = 2, only=None, progress=lambda done: done) -
         language.pattern(index)
     _check_free(folder)
     scene.pybullet()  # fail here, before anything is made, and not in every worker
-    with alone(folder):
+    with file_lock(folder):
         _claim(folder)
         jobs = [
             (index, variation)
@@ -134,9 +134,9 @@ def _check_free(folder: Path) -> None:
 def _claim(folder: Path) -> None:
     """Make the folder a recording's, and clear away what a run that was killed left half-done."""
     if not (folder / "recording.json").exists():
-        with whole(folder / "recording.json") as beside:
+        with atomic_write(folder / "recording.json") as temporary:
             about = {"format": FORMAT, "fingerprint": fingerprint()}
-            beside.write_text(json.dumps(about) + "\n", encoding="utf-8")
+            temporary.write_text(json.dumps(about) + "\n", encoding="utf-8")
     (folder / "sequences").mkdir(exist_ok=True)
     for left in (folder / "sequences").glob(f"*{PART}"):
         left.unlink()

@@ -1,32 +1,37 @@
 """From an image to a few numbers: autoencoders, PCA, their training, and what they hold."""
 
 from ptae_lite.vision.autoencoder import CAE, ChannelSeparatedCAE, PlainCAE
-from ptae_lite.vision.checkpoint import EYES, load_eye, make_eye, save_eye
+from ptae_lite.vision.checkpoint import (
+    ENCODERS,
+    load_autoencoder,
+    make_autoencoder,
+    save_autoencoder,
+)
 from ptae_lite.vision.features import as_input, encode_images, encode_recording
 from ptae_lite.vision.training import (
     DECAY,
-    EyeRecipe,
-    EyeTraining,
+    AutoencoderRecipe,
+    AutoencoderTrainer,
     PixelCrossEntropy,
     rate_share,
-    train_eye,
+    train_autoencoder,
 )
 
 __all__ = [
     "CAE",
     "DECAY",
-    "EYES",
+    "ENCODERS",
     "ChannelSeparatedCAE",
-    "EyeRecipe",
-    "EyeTraining",
+    "AutoencoderRecipe",
+    "AutoencoderTrainer",
     "PixelCrossEntropy",
     "PlainCAE",
     "as_input",
     "encode_images",
     "encode_recording",
-    "load_eye",
-    "make_eye",
+    "load_autoencoder",
+    "make_autoencoder",
     "rate_share",
-    "save_eye",
-    "train_eye",
+    "save_autoencoder",
+    "train_autoencoder",
 ]

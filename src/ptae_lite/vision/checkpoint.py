@@ -10,38 +10,42 @@ from ptae_lite import artefacts
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.vision import pca
 from ptae_lite.vision.autoencoder import CODE, ChannelSeparatedCAE, PlainCAE
-from ptae_lite.vision.training import EyeRecipe
+from ptae_lite.vision.training import AutoencoderRecipe
 
-EYES = {"separated": ChannelSeparatedCAE, "plain": PlainCAE}
-WITHOUT_NETWORK = {eye.kind: eye for eye in (pca.JointPCA, pca.ChannelPCA)}
+ENCODERS = {"separated": ChannelSeparatedCAE, "plain": PlainCAE}
+WITHOUT_NETWORK = {encoder.kind: encoder for encoder in (pca.JointPCA, pca.ChannelPCA)}
 
 
-def make_eye(kind: str, code: int = CODE) -> nn.Module:
-    """A fresh eye of a kind in `EYES` or `WITHOUT_NETWORK`."""
-    kinds = EYES | WITHOUT_NETWORK
+def make_autoencoder(kind: str, code: int = CODE) -> nn.Module:
+    """A fresh encoder of a kind in `ENCODERS` or `WITHOUT_NETWORK`."""
+    kinds = ENCODERS | WITHOUT_NETWORK
     if kind not in kinds:
-        raise ConfigError(f"no eye {kind!r}; there are {', '.join(kinds)}")
+        raise ConfigError(f"no encoder {kind!r}; there are {', '.join(kinds)}")
     return kinds[kind](code)
 
 
-def save_eye(
-    path, eye: nn.Module, recipe: EyeRecipe | None = None, device: str = "cpu", **more
+def save_autoencoder(
+    path, encoder: nn.Module, recipe: AutoencoderRecipe | None = None, device: str = "cpu", **more
 ) -> None:
-    """Write an eye with its kind, where it was trained and, of a CAE, its recipe into one file.
+    """Write an encoder with its kind, where it was trained and, of a CAE, its recipe into one file.
 
     `more` is kept beside these, such as the `experiment` that it is of.
     """
-    about = {"kind": eye.kind, "code": eye.code, "recipe": asdict(recipe) if recipe else None}
+    about = {
+        "kind": encoder.kind,
+        "code": encoder.code,
+        "recipe": asdict(recipe) if recipe else None,
+    }
     about |= {"device": device} | more
-    artefacts.save_weights(path, eye.state_dict(), about)
+    artefacts.save_weights(path, encoder.state_dict(), about)
 
 
-def load_eye(path) -> nn.Module:
-    """Read an eye that `save_eye` wrote."""
+def load_autoencoder(path) -> nn.Module:
+    """Read an encoder that `save_autoencoder` wrote."""
     tensors, about = artefacts.load_weights(path)
-    if about.get("kind") not in EYES | WITHOUT_NETWORK:
+    if about.get("kind") not in ENCODERS | WITHOUT_NETWORK:
         raise ArtefactError(f"{path} holds no CAE but {about.get('kind')!r}")
     with artefacts.fits_itself(path):
-        eye = make_eye(about["kind"], about["code"])
-        eye.load_state_dict(tensors)
-    return eye.eval()
+        encoder = make_autoencoder(about["kind"], about["code"])
+        encoder.load_state_dict(tensors)
+    return encoder.eval()

@@ -27,15 +27,15 @@ def as_input(
 
 @torch.no_grad()
 def encode_images(
-    eye: nn.Module, images: UInt8[np.ndarray, "M 120 160 3"], batch: int = 100
+    encoder: nn.Module, images: UInt8[np.ndarray, "M 120 160 3"], batch: int = 100
 ) -> Float[np.ndarray, "M F"]:
     """Features of images."""
-    parts = [eye.encode(as_input(images[i : i + batch])) for i in range(0, len(images), batch)]
+    parts = [encoder.encode(as_input(images[i : i + batch])) for i in range(0, len(images), batch)]
     return torch.cat(parts).numpy()
 
 
 def encode_recording(
-    eye: nn.Module, folder, progress=lambda samples: samples
+    encoder: nn.Module, folder, progress=lambda samples: samples
 ) -> Float[np.ndarray, "M F"]:
     """Features of every frame of a recording, sample after sample.
 
@@ -47,8 +47,8 @@ def encode_recording(
 
     samples = samples_in_order()
     ends = np.cumsum([pattern(index).frames for index, _ in samples])
-    size = encode_images(eye, np.zeros((1, 120, 160, 3), np.uint8)).shape[1]
+    size = encode_images(encoder, np.zeros((1, 120, 160, 3), np.uint8)).shape[1]
     codes = np.empty((ends[-1], size), np.float32)
     for sample, part in zip(progress(samples), np.split(codes, ends[:-1]), strict=True):
-        part[:] = encode_images(eye, load_sequence(folder, *sample).images)
+        part[:] = encode_images(encoder, load_sequence(folder, *sample).images)
     return codes

@@ -1,4 +1,4 @@
-"""Eyes without a network: principal component analysis (PCA) of images.
+"""Encoders without a network: principal component analysis (PCA) of images.
 
 PCA keeps the directions along which the training images vary most. Of all linear autoencoders with
 so many numbers it has the smallest squared error, and nothing is trained by steps.
@@ -50,23 +50,23 @@ class ChannelPCA(JointPCA):
     groups = 3
 
 
-def fit(eye: JointPCA, images: UInt8[np.ndarray, "M 120 160 3"]) -> JointPCA:
-    """Set a PCA eye to the components of `images`; only frames of training patterns belong there.
+def fit(encoder: JointPCA, images: UInt8[np.ndarray, "M 120 160 3"]) -> JointPCA:
+    """Set a PCA encoder to the components of `images`; only frames of training patterns belong there.
 
     With fewer images than pixels the components are mixtures of images: the eigenvectors of their
     M x M products say which. Raises `ConfigError` with fewer images than components.
     """
-    if len(images) <= eye.code:
-        raise ConfigError(f"{eye.code} components need more than {len(images)} images")
-    for group in range(eye.groups):
-        part = images if eye.groups == 1 else images[..., group : group + 1]
+    if len(images) <= encoder.code:
+        raise ConfigError(f"{encoder.code} components need more than {len(images)} images")
+    for group in range(encoder.groups):
+        part = images if encoder.groups == 1 else images[..., group : group + 1]
         # channels first, as a network takes them
         flat = part.transpose(0, 3, 1, 2).reshape(len(images), -1) / np.float32(255)
         mean = flat.mean(0)
         flat -= mean
         sizes, mixtures = np.linalg.eigh((flat @ flat.T).astype(float))
-        sizes, mixtures = sizes[-eye.code :], mixtures[:, -eye.code :]  # the largest, last
+        sizes, mixtures = sizes[-encoder.code :], mixtures[:, -encoder.code :]  # the largest, last
         axes = flat.T @ (mixtures / np.sqrt(sizes)).astype(np.float32)
-        eye.mean[group, 0] = torch.from_numpy(mean)
-        eye.axes[group] = torch.from_numpy(axes[:, ::-1].copy())
-    return eye
+        encoder.mean[group, 0] = torch.from_numpy(mean)
+        encoder.axes[group] = torch.from_numpy(axes[:, ::-1].copy())
+    return encoder

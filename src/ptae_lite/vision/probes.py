@@ -1,6 +1,6 @@
-"""Linear read-outs: what can be read from features by nothing more than a weighted sum.
+"""Linear probes: what can be read from features by nothing more than the linear baseline.
 
-A read-out is fitted on training samples and scored on test samples. If a straight line is enough
+A linear probe is fitted on training samples and scored on test samples. If a straight line is enough
 to read something, the features hold it in plain view; if not, it may be there and hidden.
 """
 
@@ -19,7 +19,7 @@ PENALTY = 1e-3  # of ridge regression, a sample; small: it only keeps the weight
 
 
 @dataclass(frozen=True)
-class LinearReadout:
+class LinearProbe:
     """A fitted map: features minus `mean`, over `spread`, times `weights`, plus `offset`."""
 
     mean: Float[np.ndarray, " F"]
@@ -31,16 +31,16 @@ class LinearReadout:
         """What is read, in the units of the targets. Raises `ConfigError` for another width."""
         if np.ndim(features) != 2 or np.shape(features)[1] != len(self.mean):
             raise ConfigError(
-                f"this read-out takes samples x {len(self.mean)} features, not {np.shape(features)}"
+                f"this linear probe takes samples x {len(self.mean)} features, not {np.shape(features)}"
             )
         return (features - self.mean) / self.spread @ self.weights + self.offset
 
     def labels(self, features: Float[np.ndarray, "S F"]) -> Int[np.ndarray, " S"]:
-        """The class with the largest number, for a read-out fitted by `fit_labels`."""
+        """The class with the largest number, for a linear probe fitted by `fit_classifier`."""
         return self.numbers(features).argmax(1)
 
 
-def fit_numbers(features, targets, penalty: float = PENALTY) -> LinearReadout:
+def fit_regression(features, targets, penalty: float = PENALTY) -> LinearProbe:
     """Ridge regression of `targets` (S, K) on `features` (S, F).
 
     Minimises, over the weights `W` of the features scaled to unit spread,
@@ -52,20 +52,22 @@ def fit_numbers(features, targets, penalty: float = PENALTY) -> LinearReadout:
     features, targets = np.asarray(features, dtype=float), np.asarray(targets, dtype=float)
     if features.ndim != 2 or targets.ndim != 2 or len(features) != len(targets):
         raise ConfigError(
-            f"a read-out is fitted on samples x features and samples x targets, "
+            f"a linear probe is fitted on samples x features and samples x targets, "
             f"not on {features.shape} and {targets.shape}"
         )
     mean, spread = features.mean(0), np.maximum(features.std(0), 1e-12)
     scaled, offset = (features - mean) / spread, targets.mean(0)
     system = scaled.T @ scaled / len(scaled) + penalty * np.eye(scaled.shape[1])
     weights = np.linalg.solve(system, scaled.T @ (targets - offset) / len(scaled))
-    return LinearReadout(mean, spread, weights, offset)
+    return LinearProbe(mean, spread, weights, offset)
 
 
-def fit_labels(features, labels: Int[np.ndarray, " S"], penalty: float = PENALTY) -> LinearReadout:
+def fit_classifier(
+    features, labels: Int[np.ndarray, " S"], penalty: float = PENALTY
+) -> LinearProbe:
     """Ridge classifier: regression on a 1 for the right class and a 0 for each other one."""
     labels = np.asarray(labels)
-    return fit_numbers(features, np.eye(labels.max() + 1)[labels], penalty)
+    return fit_regression(features, np.eye(labels.max() + 1)[labels], penalty)
 
 
 def first(rows: Float[np.ndarray, "S T ..."]) -> np.ndarray:
@@ -93,7 +95,7 @@ def action_and_side(samples: Samples) -> Int[np.ndarray, " S"]:
 def percent_right(samples: Samples, features, labels, penalty: float = PENALTY) -> float:
     """Test samples (%) whose class is read right from `features` (S, F)."""
     train, test = samples.split("train"), samples.split("test")
-    read = fit_labels(features[train], labels[train], penalty)
+    read = fit_classifier(features[train], labels[train], penalty)
     return 100 * float((read.labels(features[test]) == labels[test]).mean())
 
 
@@ -108,7 +110,7 @@ def place_errors_mm(
     """
     train, test = samples.split("train"), samples.split("test")
     places = 1000.0 * cubes[:, :, :2].reshape(len(cubes), 4)
-    read = fit_numbers(features[train], places[train], penalty)
+    read = fit_regression(features[train], places[train], penalty)
     off = read.numbers(features[test]) - places[test]
     guess = places[train].mean(0) - places[test]
     return {

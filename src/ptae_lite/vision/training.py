@@ -38,12 +38,12 @@ class PixelCrossEntropy(torch.autograd.Function):
 
 
 @dataclass(frozen=True)
-class EyeRecipe:
+class AutoencoderRecipe:
     """How a CAE is trained."""
 
     steps: int = 8000  # ours; the published code takes 10,000
     batch: int = 16  # ours; published 200
-    learning_rate: float = 1e-3  # published; there it stays constant, see `EyeTraining`
+    learning_rate: float = 1e-3  # published; there it stays constant, see `AutoencoderTrainer`
     seed: int = 0
 
     def __post_init__(self):
@@ -61,19 +61,19 @@ def rate_share(step: int, steps: int | None) -> float:
     return share if steps is None else min(share, (steps - step) / (DECAY * steps))
 
 
-class EyeTraining:
+class AutoencoderTrainer:
     """The training of a fresh CAE, which can be stopped, copied and gone on with.
 
     The rate rises in a straight line over the first steps, stays, and falls in a straight line to
     zero over the last fifth (ours). Until it falls, a training does not depend on how long it will
     be: a long one passes through the states that shorter ones end from. Each step draws its batch
-    from the seed and its own number. The eye stays on the `device`.
+    from the seed and its own number. The encoder stays on the `device`.
     """
 
-    def __init__(self, eye: nn.Module, recipe: EyeRecipe, device: str = "cpu"):
+    def __init__(self, encoder: nn.Module, recipe: AutoencoderRecipe, device: str = "cpu"):
         devices.check(device)
         with devices.seeded(recipe.seed, "cpu"):
-            for layer in eye.modules():
+            for layer in encoder.modules():
                 if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
                     layer.reset_parameters()
         self.recipe, self.device, self.step = recipe, device, 0
@@ -81,9 +81,11 @@ class EyeTraining:
         if gpu:  # a replayed step reads the rate where it lies
             rate = torch.tensor(rate, device=device)
         self.layout = torch.contiguous_format if gpu else torch.channels_last  # the faster there
-        self.eye = eye.to(device, memory_format=self.layout).train()
+        self.encoder = encoder.to(device, memory_format=self.layout).train()
         fused = None if gpu else True  # on a GPU PyTorch chooses
-        self.optimiser = torch.optim.Adam(eye.parameters(), lr=rate, capturable=gpu, fused=fused)
+        self.optimiser = torch.optim.Adam(
+            encoder.parameters(), lr=rate, capturable=gpu, fused=fused
+        )
 
     def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
            progress=lambda steps: steps) -> list[float]:  # fmt: skip
@@ -105,7 +107,7 @@ class EyeTraining:
 
     def _update(self, x, value: bool):
         """One step on a batch; its loss."""
-        loss = PixelCrossEntropy.apply(self.eye.logits(x), x, value)
+        loss = PixelCrossEntropy.apply(self.encoder.logits(x), x, value)
         self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()
@@ -119,19 +121,19 @@ class EyeTraining:
                 group["lr"] = rate
 
 
-def train_eye(
-    eye: nn.Module,
+def train_autoencoder(
+    encoder: nn.Module,
     images: UInt8[np.ndarray, "M 120 160 3"],
-    recipe: EyeRecipe = EyeRecipe(),
+    recipe: AutoencoderRecipe = AutoencoderRecipe(),
     progress=lambda steps: steps,
     device: str = "cpu",
 ) -> list[float]:
     """Train on random batches of `images` by pixel-wise cross-entropy; returns the loss curve.
 
     Only frames of training patterns belong in `images`. The loss is the paper's; the schedule is
-    ours (`EyeTraining`). The arithmetic is done on the `device`; the eye comes back to the CPU.
+    ours (`AutoencoderTrainer`). The arithmetic is done on the `device`; the encoder comes back to the CPU.
     """
-    training = EyeTraining(eye, recipe, device)
+    training = AutoencoderTrainer(encoder, recipe, device)
     losses = training.go(images, recipe.steps, recipe.steps, progress=progress)
-    eye.to("cpu")
+    encoder.to("cpu")
     return losses

@@ -18,8 +18,8 @@ import pandas as pd
 from PIL import Image
 
 from ptae_lite.data.samples import Samples
-from ptae_lite.experiments.answer_source import FOLLOWED, distractor_of, truth_of
-from ptae_lite.experiments.conflict_examples import Stories
+from ptae_lite.experiments.answer_source import SOURCES, distractor_of, truth_of
+from ptae_lite.experiments.conflict_examples import ConflictExamples
 from ptae_lite.experiments.incongruence import (
     ANSWERS_WORDS,
     ASPECTS,
@@ -61,7 +61,7 @@ class Card:
     """What one clip is given and answered under one condition, as HTML."""
 
     samples: Samples
-    stories: Stories
+    examples: ConflictExamples
     table: pd.DataFrame
     condition: Condition
 
@@ -76,11 +76,11 @@ class Card:
 
     @property
     def own(self) -> Pattern:
-        return pattern(int(self.samples.pattern[self.stories.index]))
+        return pattern(int(self.samples.pattern[self.examples.index]))
 
     @property
     def row(self):
-        return self.stories.of(self.condition)
+        return self.examples.of(self.condition)
 
     def _given(self) -> str:
         """The task with its regular input."""
@@ -125,17 +125,17 @@ class Card:
     def _answer(self) -> str:
         """Truth, distractor and answer, and which input it follows."""
         signal, place, aspects = self.condition
-        index, row = self.stories.index, self.row
+        index, row = self.examples.index, self.row
         extra = row.sentence if EXTRA_INPUT[signal] == "language" else row.clip
-        told = [("truth", _said(truth_of(self.samples, index, signal), signal))]
+        rows = [("truth", _said(truth_of(self.samples, index, signal), signal))]
         if aspects:
             distractor = distractor_of(self.samples, index, extra, self.condition)
-            told.append(("distractor", _said(distractor, signal)))
+            rows.append(("distractor", _said(distractor, signal)))
         answer = escape(row.answer) or "(nothing)"
         if signal not in ANSWERS_WORDS:
             answer = f"nearest to: {answer}, {row.distance:.1f} % away"
-        told.append(("the model", f"<b>{answer}</b>"))
-        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in told)
+        rows.append(("the model", f"<b>{answer}</b>"))
+        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows)
         verdict = row.follows if aspects or row.follows == "truth" else "not the truth"
         cells += f"<tr><td>follows</td><td><b>{verdict}</b></td></tr>"
         return f'<table style="margin:1em 0">{cells}</table>'
@@ -149,7 +149,7 @@ class Card:
         ]  # fmt: skip
         name = score_name(signal)
         score = f"{'accuracy' if name == 'accuracy' else 'NRMSE'} {rows[name].mean():.1f} %"
-        shares = {who: rows[who].mean() for who in FOLLOWED}
+        shares = {who: rows[who].mean() for who in SOURCES}
         bar = "".join(
             f'<span style="width:{share:.1f}%;background:{_fill(who)}"></span>'
             for who, share in shares.items() if share
@@ -164,20 +164,20 @@ class Card:
 
     def _strip(self, shown: Pattern, still: bool, false: bool = False) -> str:
         """Six pictures of a clip from first to last, or one standing still."""
-        film = self.stories.films[shown.action_index]
-        film = film[:1] if still else film
+        picture_strips = self.examples.strips[shown.action_index]
+        picture_strips = picture_strips[:1] if still else picture_strips
         edge = "3px double #D55E00" if false else "1px solid #888"
         name = "first frame of" if still else "six pictures of"
         return (
             f'<img alt="{name} {_clip(shown)}" style="max-width:100%;border:{edge};padding:2px" '
-            f'src="{_webp(np.concatenate(list(film), axis=1))}">'
+            f'src="{_webp(np.concatenate(list(picture_strips), axis=1))}">'
         )
 
     def _scene(self) -> str:
         """The arm as the model moves it, and faintly the true one."""
-        index, count = self.stories.index, int(self.samples.frames[self.stories.index])
+        index, count = self.examples.index, int(self.samples.frames[self.examples.index])
         true = self.samples.joints[index, :count]
-        made = np.concatenate([true[:1], self.stories.joints[self.row.track][: count - 1]])
+        made = np.concatenate([true[:1], self.examples.joints[self.row.track][: count - 1]])
         scene = arm_scene(
             made, self.samples.cubes[index, :count], self.own.arrangement, ghost_joints_rad=true,
             ghost_name="the recorded one. Solid: the model's", still_png=b"\x89PNG",
@@ -186,12 +186,12 @@ class Card:
         return replace(scene, still_png=None, height_px=360)._repr_html_()
 
 
-def panel(samples: Samples, stories: Stories, table: pd.DataFrame) -> Panel:
+def panel(samples: Samples, examples: ConflictExamples, table: pd.DataFrame) -> Panel:
     """Choose a signal, what is put into its extra input, how many conflicts, and which first."""
 
     @cache
     def card(condition: Condition) -> Card:
-        return Card(samples, stories, table, condition)
+        return Card(samples, examples, table, condition)
 
     def show(signal: str, extra: str, conflicts: int, first: str) -> Card:
         return card(condition_of(signal, extra, conflicts, first))
@@ -211,8 +211,8 @@ def _clip(shown: Pattern) -> str:
     return f"{shown.action} the {shown.side} cube {shown.speed} ({cubes})"
 
 
-def _said(told, signal: str) -> str:
-    action, cube, speed = told
+def _said(rows, signal: str) -> str:
+    action, cube, speed = rows
     if signal not in ANSWERS_WORDS:
         cube = f"the {cube} cube" if cube else "a cube that is not there"
     return f"{action} {cube} {speed}"

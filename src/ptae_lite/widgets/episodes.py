@@ -8,7 +8,7 @@ import ipywidgets
 from torch import nn
 
 from ptae_lite.errors import PTAEError, RobotError
-from ptae_lite.experiments.episodes import Kept, perform, side_of, stages
+from ptae_lite.experiments.episodes import StoredEpisode, perform, side_of, stages
 from ptae_lite.language import ACTIONS, MEANINGS, SIDES, SPEEDS, Meaning, alternatives, parse
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
@@ -20,9 +20,9 @@ from ptae_lite.widgets.viewer import Viewer
 WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to the right"}
 
 
-def verdict_text(kept: Kept) -> str:
+def verdict_text(kept: StoredEpisode) -> str:
     """The verdict in a sentence."""
-    meaning, verdict = parse(kept.told), kept.verdict
+    meaning, verdict = parse(kept.instruction), kept.verdict
     side = side_of(kept.stage, meaning)
     pace = f"{verdict.frames} frames, {meaning.speed} asked for"
     fell = kept.episode.cubes[-1, :, 2] < TABLE_TOP_M
@@ -41,23 +41,23 @@ def verdict_text(kept: Kept) -> str:
 class Shown:
     """An episode in 3-D with its verdict above it."""
 
-    def __init__(self, kept: Kept):
+    def __init__(self, kept: StoredEpisode):
         self.kept, self.text = kept, verdict_text(kept)
         self.viewer: Viewer = arm_scene(
             kept.episode.joints_rad, kept.episode.cubes, kept.stage.colours,
-            title=f"the arm executes: {kept.told}",
+            title=f"the arm executes: {kept.instruction}",
         )  # fmt: skip
 
     def _repr_html_(self) -> str:
         return f"<p>{escape(self.text)}</p>{self.viewer._repr_html_()}"
 
 
-def panel(kept: list[Kept]) -> Panel:
+def panel(kept: list[StoredEpisode]) -> Panel:
     """Choose a scene and a sentence, and see what the model did."""
-    by_key = {(" and ".join(one.stage.colours), parse(one.told)): one for one in kept}
+    by_key = {(" and ".join(one.stage.colours), parse(one.instruction)): one for one in kept}
     scenes = list(dict.fromkeys(scene for scene, _ in by_key))
 
-    def find(cubes: str, action: str, which: str, speed: str) -> Kept:
+    def find(cubes: str, action: str, which: str, speed: str) -> StoredEpisode:
         colours = cubes.split(" and ")
         return by_key[cubes, Meaning(action, colours[which != "the left one"], speed)]
 
@@ -70,7 +70,9 @@ def panel(kept: list[Kept]) -> Panel:
     )  # fmt: skip
 
 
-def answer(trained: Trained, eye: nn.Module, kept: list[Kept], scene: str, text: str) -> Shown:
+def answer(
+    trained: Trained, encoder: nn.Module, kept: list[StoredEpisode], scene: str, text: str
+) -> Shown:
     """Let the model do what `text` says in one of the scenes of `episodes.stages`.
 
     Without PyBullet it is looked up among the stored episodes.
@@ -84,13 +86,13 @@ def answer(trained: Trained, eye: nn.Module, kept: list[Kept], scene: str, text:
         pybullet()
     except RobotError:
         for one in kept:
-            if one.stage.colours == stage.colours and parse(one.told) == meaning:
+            if one.stage.colours == stage.colours and parse(one.instruction) == meaning:
                 return Shown(one)
         raise RobotError(
             f"there is no PyBullet here to act out {text!r}, and no such episode is stored; stored "
             f"are all sentences about the cubes that are there, {scene}"
         ) from None
-    return Shown(perform(trained, eye, stage, text.strip().lower(), meaning))
+    return Shown(perform(trained, encoder, stage, text.strip().lower(), meaning))
 
 
 class Box:
@@ -99,8 +101,8 @@ class Box:
     On a page without a kernel it says so; the panel of stored episodes works there.
     """
 
-    def __init__(self, trained: Trained, eye: nn.Module, kept: list[Kept]):
-        self.ask = lambda scene, text: answer(trained, eye, kept, scene, text)
+    def __init__(self, trained: Trained, encoder: nn.Module, kept: list[StoredEpisode]):
+        self.ask = lambda scene, text: answer(trained, encoder, kept, scene, text)
 
     def widget(self) -> ipywidgets.VBox:
         """Scene, sentence and button, and below them what the arm did."""

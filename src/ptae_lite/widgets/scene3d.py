@@ -55,7 +55,7 @@ def sample_scene(
 
     `ghost_joints_rad` may be longer than the clip, as a model's answers are; where it begins with
     the second frame, as they do, put the sample's first pose before it. `eye` shows beside the
-    scene what the camera saw, for samples whose video is stored (`frames.film_patterns`).
+    scene what the camera saw, for samples whose video is stored (`frames.video_patterns`).
     """
     key = (int(samples.pattern[index]), int(samples.variation[index]))
     shown, count = pattern(key[0]), int(samples.frames[index])
@@ -65,7 +65,7 @@ def sample_scene(
         if len(stored) < 3:
             raise PTAEError(
                 f"sample {index} has no stored video; of these patterns the first variation has: "
-                f"{', '.join(map(str, frames.film_patterns()))}"
+                f"{', '.join(map(str, frames.video_patterns()))}"
             )
         seen = {t: frames.frame(*key, t) for t in stored}
     return arm_scene(

@@ -12,9 +12,9 @@ from ptae_lite.widgets.scene3d import sample_scene
 from ptae_lite.widgets.viewer import Viewer
 
 
-def film_sample(samples: Samples, action: str, side: str, speed: str) -> int:
+def video_sample(samples: Samples, action: str, side: str, speed: str) -> int:
     """The sample of an action whose video is stored."""
-    for index in frames.film_patterns():
+    for index in frames.video_patterns():
         one = pattern(index)
         if (one.action, one.side, one.speed) == (action, side, speed):
             return int(((samples.pattern == index) & (samples.variation == 0)).argmax())
@@ -23,7 +23,9 @@ def film_sample(samples: Samples, action: str, side: str, speed: str) -> int:
 
 def scene(samples: Samples, action: str, side: str, speed: str) -> Viewer:
     """One action as a scene that plays by itself, with the camera's view."""
-    return sample_scene(samples, film_sample(samples, action, side, speed), eye=True, autoplay=True)
+    return sample_scene(
+        samples, video_sample(samples, action, side, speed), eye=True, autoplay=True
+    )
 
 
 def panel(samples: Samples) -> Panel:

@@ -89,19 +89,19 @@ def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) 
     """The panel, and a button that trains the chosen model for a few epochs and marks its place."""
 
     def work(mode: str, model: str, share: float, tell) -> Figure | str:
-        def told(numbers) -> Iterator[int]:
+        def counted(numbers) -> Iterator[int]:
             for number in numbers:
                 tell(f"training {NAMES[model]}: epoch {number} of {epochs}")
                 yield number
 
         job = Job(model, mode, MAIN[mode][0], share, seed)
         try:
-            trained = fit(samples, job, replace(RECIPES[model], epochs=epochs), progress=told)
+            trained = fit(samples, job, replace(RECIPES[model], epochs=epochs), progress=counted)
         except ConfigError as error:
             return str(error)
         tell("trained; now it is scored on the test clips")
         live = pd.DataFrame([scores(trained, samples)]), examples(trained, samples)
-        steps, shown = (trained.about[n] for n in ("steps", "supervised_presentations"))
+        steps, shown = (trained.about[n] for n in ("steps", "supervised_samples_seen"))
         tell(f"trained: {steps} steps, {shown} samples shown with their label")
         return card(table, said, mode, model, share, live=live)
 
