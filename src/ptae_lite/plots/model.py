@@ -41,7 +41,7 @@ FAMILY = {
     "PTAE": (
         [(1, 1, "query", WORDS), (1, 0, "keys,\nvalues", CLIP), (2, 0.5, "attention", SHARED)],
         [*_STRAIGHT, ((1, 1), (2, 0.5)), ((1, 0), (2, 0.5)), *_TO_DECODERS],
-        "Words are queries, frames keys: attention in place of the gates and of two LSTMs.",
+        "Words query frames: attention replaces the gates and two LSTMs.",
     ),
 }
 
