@@ -86,7 +86,7 @@ def cae(options) -> list[Row]:
 
 
 def cae_step(options) -> list[Row]:
-    """A step of `AutoencoderTrainer` against one with the readable loss and channels first in memory."""
+    """A step of `AutoencoderTrainer` against one with the readable loss, channels first."""
     import torch
     from torch.nn import functional
 

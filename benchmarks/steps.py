@@ -63,9 +63,9 @@ def steps(options) -> list[Row]:
         def plain(batch, model=model):
             return losses(model(batch), batch, model.word_weights)
 
-        def step(costs, batch, optimiser=optimiser):
+        def step(loss, batch, optimiser=optimiser):
             optimiser.zero_grad()
-            sum(costs(batch)).backward()
+            sum(loss(batch)).backward()
             optimiser.step()
 
         ratios, shares = [], []

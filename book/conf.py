@@ -60,6 +60,7 @@ autodoc_member_order = "bysource"
 autodoc_preserve_defaults = True  # a path as it is written, not as it is on this machine
 autodoc_typehints_format = "short"
 napoleon_use_rtype = False
+default_role = "code"  # `x` in a docstring, as in Markdown
 
 # --- the site
 html_static_path = ["_static"]
@@ -90,7 +91,6 @@ EXTERNAL = re.compile(
 )
 FACTS = re.compile(r"^(Time|Prerequisites|You will learn|After this chapter you can):?")
 CHAPTER = re.compile(r"\b[Cc]hapter (\d\d)\b")
-SECTION = re.compile(r"^(Args|Raises|Returns|Yields):$")
 COLOUR_CODE = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -103,30 +103,6 @@ def copy_scripts(app) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(package / "static" / "mathjax" / "tex-svg.js", target)
     Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(viewer.shared_script())
-
-
-def as_rst(app, what, name, obj, options, lines) -> None:
-    """Docstrings are plain text in which `x` is code and what is set apart is a formula."""
-    made, literal, before = [], False, ""
-    for line in lines:
-        indented = line.startswith("    ")
-        if indented and not literal and not before and not SECTION.match(last_text(made)):
-            made += ["::", ""]
-            literal = True
-        literal = literal and (indented or not line)
-        made.append(line if literal else inline_as_rst(line))
-        before = line
-    lines[:] = made
-
-
-def last_text(lines: list) -> str:
-    return next((line for line in reversed(lines) if line.strip()), "")
-
-
-def inline_as_rst(line: str) -> str:
-    parts = line.split("`")
-    parts[::2] = [re.sub(r"([*|\\]|_(?=\W|$))", r"\\\1", part) for part in parts[::2]]
-    return "``".join(parts)
 
 
 def mark_facts(app, doctree) -> None:
@@ -214,7 +190,6 @@ def finish(app, exception) -> None:
 
 def setup(app) -> None:
     app.connect("builder-inited", copy_scripts)
-    app.connect("autodoc-process-docstring", as_rst, priority=400)  # before napoleon reads them
     app.connect("env-before-read-docs", halve)
     app.connect("doctree-read", tell)
     app.connect("doctree-read", mark_facts)

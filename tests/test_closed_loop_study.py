@@ -114,9 +114,9 @@ def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_
 def test_what_a_model_saw_of_its_own_acts_is_a_film_of_99_frames(simulator, quick, recorded):
     trained = runner.fit(study.experiment_of(recorded, "watching_policy", 0), recorded)
     own = recorded.split("train")[:2]
-    videos = videos.seen_in_own_episodes(trained, recorded, own)
-    assert list(videos) == own.tolist()
-    for sample, video in videos.items():
+    seen = videos.seen_in_own_episodes(trained, recorded, own)
+    assert list(seen) == own.tolist()
+    for sample, video in seen.items():
         assert video.shape == (99, 30) and np.isfinite(video).all()
         assert np.abs(video[0] - recorded.features[sample, 0]).max() < 0.05  # the same first look
         last = recorded.frames[sample]
@@ -194,8 +194,9 @@ def test_strips_show_three_successes_and_three_kinds_of_failure():
          "reason": reason, "pattern": i}
         for i, (model, action, success, reason) in enumerate([
             ("one_look_policy", "push", 1, "done"), ("one_look_policy", "pull", 1, "done"),
-            ("one_look_policy", "slide", 1, "done"), ("ptae", "push", 0, "a"), ("ptae", "push", 0, "b"),
-            ("ptae", "push", 0, "b"), ("ptae", "pull", 0, "c"), ("one_look_policy", "push", 1, "done"),
+            ("one_look_policy", "slide", 1, "done"), ("ptae", "push", 0, "a"),
+            ("ptae", "push", 0, "b"), ("ptae", "push", 0, "b"), ("ptae", "pull", 0, "c"),
+            ("one_look_policy", "push", 1, "done"),
         ])
     ]  # fmt: skip
     chosen = episodes.strips_of(pd.DataFrame(rows), "one_look_policy")
@@ -219,8 +220,9 @@ def test_pages_get_what_the_table_can_show(kept, tmp_path, monkeypatch):
          "success": reason == "done", "pattern": i, "variation": 0,
          "sentence": f"{action} red fast"}
         for i, (model, action, reason) in enumerate([
-            ("one_look_policy", "push", "done"), ("one_look_policy", "pull", "done"), ("one_look_policy", "slide", "done"),
-            ("one_look_policy", "push", "a"), ("one_look_policy", "push", "b"), ("ptae", "push", "c"),
+            ("one_look_policy", "push", "done"), ("one_look_policy", "pull", "done"),
+            ("one_look_policy", "slide", "done"), ("one_look_policy", "push", "a"),
+            ("one_look_policy", "push", "b"), ("ptae", "push", "c"),
         ])
     ]  # fmt: skip
     table, strips = pd.DataFrame(rows), tmp_path / episodes.STRIPS

@@ -72,7 +72,8 @@ def test_gradients_reach_every_parameter(tiny, mixed, choice):
     "choice",
     [
         {"language_encoder": "lstm", "action_encoder": "lstm"}, {"queries": "action"},
-        {"queries": "both"}, {"frame_positions": True}, {"repeat_both": True}, {"weigh_words": True},
+        {"queries": "both"}, {"frame_positions": True}, {"repeat_both": True},
+        {"weigh_words": True},
         {"freeze_video": True},
     ],
     ids=str,

@@ -32,7 +32,7 @@ def regular(table):
 
 @pytest.fixture(scope="module")
 def costs(table):
-    return incongruence_table.loss(table).set_index(["model", "signal"]).sort_index()
+    return incongruence_table.damage(table).set_index(["model", "signal"]).sort_index()
 
 
 def single(rows, signal, place, aspect, column="value"):

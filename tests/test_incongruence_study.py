@@ -154,6 +154,6 @@ def test_costs_are_of_the_format_and_of_the_conflict():
             rows.append({"model": "ptae", "seed": 0, "signal": signal, "conflict_in": place,
                          "conflicts": count, "accuracy": accuracy if word else np.nan,
                          "nrmse": np.nan if word else error})  # fmt: skip
-    found = incongruence_table.loss(pd.DataFrame(rows)).set_index("signal")
+    found = incongruence_table.damage(pd.DataFrame(rows)).set_index("signal")
     assert found.loc["describe", ["format", "conflict"]].tolist() == [10, 30]
     assert found.loc["execute", ["format", "conflict"]].tolist() == [0.5, 1.5]

@@ -117,8 +117,8 @@ def test_eyes_are_taken_from_where_their_study_leaves_them():
         (encoder,) = (e for e, (k, code) in encoders.CAES.items() if k == kind and code == 10)
         length = recipe["steps"] * recipe["batch"]
         assert (
-            path
-            == f"encoders/{encoders.folder_of(encoder, recipe['seed'])}/encoder_{length}.safetensors"
+            path == f"encoders/{encoders.folder_of(encoder, recipe['seed'])}/"
+            f"encoder_{length}.safetensors"
         )
         assert length in encoders.CHECKPOINTS[encoder]
     features = next(one for one in STAGES if one.name == "features").command

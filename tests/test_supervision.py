@@ -53,7 +53,7 @@ class Idle(nn.Module):
         super().__init__()
         self.action = nn.Linear(1, 1)
 
-    def costs(self, batch, paired):
+    def loss(self, batch, paired):
         return (self.action.weight.sum(), self.action.bias.sum())
 
 
@@ -123,7 +123,7 @@ def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
 def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch, variant):
     bound, real = [], PVAE.loss
 
-    def costs(self, batch, paired):
+    def loss(self, batch, paired):
         bound.append(paired.numpy())
         changed = replace(
             batch, keys=torch.where(paired[:, None, None], batch.keys, batch.keys + 1)
@@ -133,7 +133,7 @@ def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch,
             torch.testing.assert_close(found, moved)
         return real(self, batch, paired)
 
-    monkeypatch.setattr(PVAE, "loss", costs)
+    monkeypatch.setattr(PVAE, "loss", loss)
     this = job(25, model="pvae", variant=variant)
     prae = replace(small_configs["pvae"], variational=False)
     monkeypatch.setitem(training.MODELS, "pvae", MODELS["pvae"]._replace(config=type(prae)))

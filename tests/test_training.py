@@ -293,6 +293,6 @@ def test_a_blended_clip_asks_for_both_sentences_in_its_shares(make_batch):
 def test_without_mixup_no_clip_is_blended(few, tiny, monkeypatch):
     seen, real = [], batches.mixup
     monkeypatch.setattr(batches, "mixup", lambda *parts: seen.append(1) or real(*parts))
-    for mixup, steps in ((False, 0), (True, 3)):
-        training.train(few, Recipe(epochs=1, batch=8, mixup=mixup), config=tiny)
+    for used, steps in ((False, 0), (True, 3)):
+        training.train(few, Recipe(epochs=1, batch=8, mixup=used), config=tiny)
         assert len(seen) == steps

@@ -147,8 +147,8 @@ class Batches:
         )
         sentences_of = torch.from_numpy(self._sentences_of(part, signals))
         batch = build(
-            self.source, torch.from_numpy(part), signals, alternative, recipe.hold_steps, congruent_input,
-            sentences_of,
+            self.source, torch.from_numpy(part), signals, alternative, recipe.hold_steps,
+            congruent_input, sentences_of,
         )  # fmt: skip
         if self.videos:
             batch = with_video(batch, draw_videos(rng, part, self.videos, self.scaling))

@@ -239,9 +239,9 @@ def with_features(samples: Samples, path) -> Samples:
 
 
 def _pad(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    padded = np.zeros((len(frames), MAX_FRAMES, *rows.shape[1:]), dtype=rows.dtype)
-    padded[np.arange(MAX_FRAMES) < frames[:, None]] = rows
-    return padded
+    filled = np.zeros((len(frames), MAX_FRAMES, *rows.shape[1:]), dtype=rows.dtype)
+    filled[np.arange(MAX_FRAMES) < frames[:, None]] = rows
+    return filled
 
 
 def write_features(path, features: np.ndarray, encoder_file) -> None:

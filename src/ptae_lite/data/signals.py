@@ -235,7 +235,7 @@ def mixup(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) 
 
 
 def with_video(batch: Batch, videos: dict[int, Float[Tensor, "99 F"]]) -> Batch:
-    """The batch with another video for the action decoder of some places, where it is to execute."""
+    """The batch with another video for the action decoder in some places that execute."""
     video, execute = batch.video.clone(), signal_index("execute")
     for place, video in videos.items():
         if batch.tokens[place, 0] == execute:

@@ -1,5 +1,7 @@
 """One test clip's answers under each condition, kept so that a page without a model can show them.
 
+::
+
     python -m ptae_lite.experiments.conflict_examples           # into build/results, to look at
     python -m ptae_lite.experiments.conflict_examples --store   # into data/results, with origin
 

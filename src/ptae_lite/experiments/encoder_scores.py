@@ -31,7 +31,7 @@ def look(folder, samples: Samples) -> np.ndarray:
 
 
 def scores(encoder, images: np.ndarray, samples: Samples) -> dict[str, dict[str, float]]:
-    """What can be read from an encoder's features, and how well it draws, for each split in `PROBES`.
+    """What probes read from an encoder's features, and its reconstruction, for each of `PROBES`.
 
     `images` are those of `look`.
     """

@@ -1,7 +1,7 @@
 """Encoders: does separating the colour channels help, at equal presentations and at equal compute?
 
 Three CAEs, three seeds each, and three PCAs. Each CAE is one long training; at each checkpoint a
-copy of it runs through the last fifth of a training of that length (`vision.AutoencoderTrainer`), so a row
+copy of it runs through the last fifth of a training of that length (`AutoencoderTrainer`), so a row
 of the table is what a training of exactly that length gives. Linear probes on `held_out` patterns
 decide when a training has levelled off; those on `test` are for the table.
 """
@@ -210,7 +210,7 @@ def restore(training: vision.AutoencoderTrainer, path: Path, experiment: str = "
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
           workers: int = 1, device: str = "cpu", long: bool = False,
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `encoders.csv`: every CAE of a seed before the next seed, then the PCAs.
+    """Run what is missing in `encoders.csv`: all CAEs of a seed before the next, then PCAs.
 
     Args:
         recording: folder of a recording, with its images.
@@ -235,8 +235,9 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
 
 def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
             device: str = "cpu") -> None:  # fmt: skip
-    """An encoder's rows and weights, which the bench writes, and the features that a PTAE is trained
-    with: of the lengths in `IN_USE`, as far as it goes.
+    """An encoder's rows and weights, which the bench writes, and the features for PTAE.
+
+    Features are written of the lengths in `IN_USE`, as far as it goes.
     """
     if name in PCAS:
         return run_pca(bench, name)

@@ -131,7 +131,7 @@ def read(path) -> pd.DataFrame:
     return pd.read_csv(path).fillna({"aspects": ""})
 
 
-def costs(table: pd.DataFrame) -> pd.DataFrame:
+def damage(table: pd.DataFrame) -> pd.DataFrame:
     """For each model, seed and signal what the conflict's format costs, and what three conflicts.
 
     `format`: from the regular input to the congruent one; `conflict`: from there to three

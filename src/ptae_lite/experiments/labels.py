@@ -34,9 +34,9 @@ def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.nd
     said = np.array([[word in _meaning(samples, i) for word in words] for i in left])
     named, taken = np.zeros(len(words)), []
     while len(taken) < count:
-        costs = said @ (named * weight)
-        costs[taken] = np.inf
-        taken.append(int(np.argmin(costs)))
+        score = said @ (named * weight)
+        score[taken] = np.inf
+        taken.append(int(np.argmin(score)))
         named += said[taken[-1]]
     return np.sort(left[taken])
 

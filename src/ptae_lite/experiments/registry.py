@@ -18,5 +18,6 @@ from ptae_lite.experiments import (
 
 STUDIES = {
     "supervision": supervision, "recipes": recipes, "family": family, "encoders": encoders,
-    "encoders-in-use": encoders_in_use, "incongruence": incongruence_table, "closed-loop": closed_loop,
+    "encoders-in-use": encoders_in_use, "incongruence": incongruence_table,
+    "closed-loop": closed_loop,
 }  # fmt: skip

@@ -50,7 +50,7 @@ def seen_in_own_episodes(trained: Trained, samples: Samples, indices) -> dict[in
     encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
     videos = {}
     for task in tasks_in(samples, indices):
-        actor = Actor(trained, encoder, task.told)
+        actor = Actor(trained, encoder, task.instruction)
         closed_loop.perform(task.stage, actor, limit=int(samples.frames[task.sample]) + 1)
         seen = np.stack(actor.looks)[:STEPS]
         rest = np.repeat(seen[-1:], STEPS - len(seen), axis=0)

@@ -1,6 +1,6 @@
 """The crossmodal transformer: words ask, the moving picture answers.
 
-Queries come from language, keys and values from vision and joints together (paper, section 3.2):
+Queries come from language, keys and values from vision and joints together (paper, section 3.2)::
 
     attention(Q, K, V) = softmax(Q K^T / sqrt(d)) V,   d = 64 for each of 4 heads
 
@@ -9,7 +9,8 @@ There is no mask on keys and no position on them: keys are an unordered set, and
 of short clips is attended to. That padding is how speed gets into `h`.
 
 Choices change that, each for an experiment: `queries` from action lets the frames ask the words,
-`TwoWay` does both at once, and a `frame_positions` gives frames their position and hides the padding.
+`TwoWay` does both at once, and `frame_positions` gives frames their position and masks the
+padding.
 """
 
 from __future__ import annotations
@@ -76,7 +77,8 @@ class CrossmodalTransformer(nn.Module):
     """
 
     def __init__(self, words: int, inputs: int, hidden: int, heads: int, feed_forward: int,
-                 dropout: float, queries: str = "language", frame_positions: bool = False):  # fmt: skip
+                 dropout: float, queries: str = "language",
+                 frame_positions: bool = False):  # fmt: skip
         super().__init__()
         self.queries, self.frame_positions = queries, frame_positions
         self.embed_token = nn.Linear(words, hidden)

@@ -67,7 +67,8 @@ class ActionDecoder(RecurrentDecoder):
     """
 
     def __init__(self, features: int, joints: int, hidden: int, units: int, layers: int,
-                 forget_bias: float, peepholes: bool = False, condition_on_code: bool = False):  # fmt: skip
+                 forget_bias: float, peepholes: bool = False,
+                 condition_on_code: bool = False):  # fmt: skip
         inputs = features + joints + (hidden if condition_on_code else 0)
         super().__init__(inputs, joints, hidden, units, layers, forget_bias, peepholes)
         self.seen = features + joints  # the inputs before the code

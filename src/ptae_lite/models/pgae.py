@@ -1,5 +1,7 @@
 """PGAE, the paired gated autoencoders: PTAE's predecessor, and the model it is compared with.
 
+::
+
     words + signal --LSTM--\\                      /--> language decoder --> words
                             gated unit --> code --
     video + joints --LSTM--/                      \\--> action decoder ----> joints
@@ -51,6 +53,8 @@ class PGAEConfig:
 
 class GatedUnit(nn.Module):
     """The gated multimodal unit: two summaries, of action and language, to one code.
+
+    ::
 
         code = z * tanh(A a + b_a) + (1 - z) * tanh(L l + b_l),    z = sigmoid(G [a, l] + b_g)
 

@@ -1,5 +1,7 @@
 """PTAE, the paired transformed autoencoders (paper, section 3).
 
+::
+
     words + signal --queries--\\                            /--> language decoder --> words
                                crossmodal transformer --> h
     video + joints --keys-----/                            \\--> action decoder ----> joints

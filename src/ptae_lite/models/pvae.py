@@ -1,5 +1,7 @@
 """PVAE, the paired variational autoencoders: two models whose codes are bound to each other.
 
+::
+
     words <-- language decoder <-- code <-- LSTM <-- words, last one first
                                      |
                                   binding
@@ -108,6 +110,8 @@ class Half(nn.Module):
 
 def binding(first: Float[Tensor, "B H"], second: Float[Tensor, "B H"], margin: float) -> Tensor:
     """Pairs close, others further apart by a margin; `first[i]` belongs to `second[i]`.
+
+    ::
 
         mean_i d_ii + mean_ij max(0, d_ii - d_ij + margin) + mean_ij max(0, d_ii - d_ji + margin)
 

@@ -1,6 +1,6 @@
 """LSTMs with peepholes, and an encoder that reads a sequence to its own end.
 
-PGAE and PVAE are built of them (published code). A peephole lets each gate see the memory cell:
+PGAE and PVAE are built of them (published code). A peephole lets each gate see the memory cell::
 
     i, f = sigmoid(W [x, h] + p * c)        c' = f * c + i * tanh(W [x, h])
     o    = sigmoid(W [x, h] + p * c')       h' = o * tanh(c')

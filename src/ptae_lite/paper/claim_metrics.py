@@ -173,7 +173,7 @@ def more_harm(one: str, other: str, model: str = "ptae"):
         rows = tables.incongruence
         if rows.empty or model not in set(rows["model"]):
             return []
-        paid = incongruence_table.loss(rows[rows["model"] == model])
+        paid = incongruence_table.damage(rows[rows["model"] == model])
         paid = paid.pivot(index="seed", columns="signal", values="conflict")
         return paid[one] - paid[other]
 

@@ -60,7 +60,7 @@ class Stage(NamedTuple):
 SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # one training differs from the next so much
 ANSWERS = {"right": (0, 0)}
 SEEN = {"both|left|right": (15, 0), "_mm|error": (0, 0.3), "r2": (0.15, 0)}
-ENCODERS = {  # as long as the stored encoders were trained; the study goes further with the plain one
+ENCODERS = {  # as long as the stored ones were trained; the study goes further with the plain
     "weights/cae.safetensors": "encoders/separated_3x10_seed0/encoder_128000.safetensors",
     "weights/plain_cae.safetensors": "encoders/plain_10_seed0/encoder_128000.safetensors",
 }
@@ -80,8 +80,8 @@ STAGES = (
     Stage("features", "ptae_lite features --data {out}/recording "
           "--encoder {out}/encoders/separated_3x10_seed0/encoder_128000.safetensors",
           {"recording/features.npz": PROBED}, 1, simulator=True),
-    Stage("encoders in use", "ptae_lite study encoders-in-use --workers 2 --encoders {out}/encoders "
-          "--seeds {seeds} --out {out}/results",
+    Stage("encoders in use", "ptae_lite study encoders-in-use --workers 2 "
+          "--encoders {out}/encoders --seeds {seeds} --out {out}/results",
           {"results/encoders_in_use.csv": table(encoders_in_use.KEY, SCORED, 0.9)},
           0, 11, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "

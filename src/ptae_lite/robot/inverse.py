@@ -3,6 +3,8 @@
 Five joints reach a point (three numbers) with two to spare. The spare ones make the hand point
 down and stay near a resting posture. For all frames of a motion at once we solve, step by step,
 
+::
+
     minimise   |d(q) - down|^2  +  w^2 |q - rest|^2     subject to   tip(q) = target,
 
 linearising `d` (the hand's direction) and `tip` at the current angles (Gauss-Newton). Because the

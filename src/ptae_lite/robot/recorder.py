@@ -1,6 +1,6 @@
 """Records the data set: every sample acted out once in its own fresh simulation.
 
-A recording is a folder:
+A recording is a folder::
 
     recording.json          what it is, and with which scene it was made
     sequences/p012_v3.npz   one sample: images, joints, cube poses, contacts, seed

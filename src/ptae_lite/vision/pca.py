@@ -51,7 +51,7 @@ class ChannelPCA(JointPCA):
 
 
 def fit(encoder: JointPCA, images: UInt8[np.ndarray, "M 120 160 3"]) -> JointPCA:
-    """Set a PCA encoder to the components of `images`; only frames of training patterns belong there.
+    """Set a PCA encoder to the components of `images`, which are of training patterns only.
 
     With fewer images than pixels the components are mixtures of images: the eigenvectors of their
     M x M products say which. Raises `ConfigError` with fewer images than components.

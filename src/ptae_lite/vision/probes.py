@@ -1,7 +1,7 @@
 """Linear probes: what can be read from features by nothing more than the linear baseline.
 
-A linear probe is fitted on training samples and scored on test samples. If a straight line is enough
-to read something, the features hold it in plain view; if not, it may be there and hidden.
+A linear probe is fitted on training samples and scored on test samples. If a straight line is
+enough to read something, the features hold it in plain view; if not, it may be there and hidden.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class LinearProbe:
         """What is read, in the units of the targets. Raises `ConfigError` for another width."""
         if np.ndim(features) != 2 or np.shape(features)[1] != len(self.mean):
             raise ConfigError(
-                f"this linear probe takes samples x {len(self.mean)} features, not {np.shape(features)}"
+                f"this probe takes samples x {len(self.mean)} features, not {np.shape(features)}"
             )
         return (features - self.mean) / self.spread @ self.weights + self.offset
 
@@ -44,6 +44,8 @@ def fit_regression(features, targets, penalty: float = PENALTY) -> LinearProbe:
     """Ridge regression of `targets` (S, K) on `features` (S, F).
 
     Minimises, over the weights `W` of the features scaled to unit spread,
+
+    ::
 
         mean |z W + offset - y|^2  +  penalty |W|^2.
 

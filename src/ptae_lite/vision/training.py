@@ -131,7 +131,8 @@ def train_autoencoder(
     """Train on random batches of `images` by pixel-wise cross-entropy; returns the loss curve.
 
     Only frames of training patterns belong in `images`. The loss is the paper's; the schedule is
-    ours (`AutoencoderTrainer`). The arithmetic is done on the `device`; the encoder comes back to the CPU.
+    ours (`AutoencoderTrainer`). The arithmetic is done on the
+    `device`; the encoder comes back to the CPU.
     """
     training = AutoencoderTrainer(encoder, recipe, device)
     losses = training.go(images, recipe.steps, recipe.steps, progress=progress)

@@ -1,0 +1,45 @@
+"""Names that were others once: who still uses an old one is told the new one."""
+
+from __future__ import annotations
+
+OPTIONS = {"--eye": "--encoder", "--eyes": "--encoders"}
+VALUES = {  # of studies, models, variants and recipes
+    "eyes": "encoders",
+    "eyes-ptae": "encoders-in-use",
+    "blind": "one_look_policy",
+    "first frame": "ptae_first_frame",
+    "no padding": "ptae_no_padding",
+    "open eyes": "watching_policy",
+    "noise": "noisy_video",
+    "aggregated": "dagger",
+    "PTAE, clock": "PTAE, frame positions",
+    "PTAE, first frame only": "PTAE, frozen video",
+    "PTAE, no blends": "PTAE, no mixup",
+    "PTAE, words weighed": "PTAE, class-weighted words",
+    "PTAE, action asks": "PTAE, action as query",
+    "unpaired": "shuffled-scenes",
+    "unblended": "no-mixup",
+    "one-pace": "one-learning-rate",
+}
+SETTINGS = {  # of configurations and recipes, as `--set` and weights have them
+    "film": "freeze_video",
+    "clock": "frame_positions",
+    "padded": "pad_still_frame",
+    "reminded": "condition_on_code",
+    "action_pace": "action_lr_scale",
+    "hold": "hold_steps",
+    "extra": "p_congruent_input",
+    "unpaired": "shuffle_scenes",
+}
+COLUMNS = {  # of tables, and arrays in npz files
+    "eye": "encoder",
+    "presentations": "samples_seen",
+    "supervised_presentations": "supervised_samples_seen",
+    "follows": "source",
+    "execute_film_frozen": "execute_video_frozen",
+}
+
+
+def hint(name: str, names: dict[str, str]) -> str:
+    """The half sentence for an error message, or nothing for a name that was never used."""
+    return f"; {name} is now called {names[name]}" if name in names else ""
