@@ -1,4 +1,4 @@
-"""Linear probes: what can be read from features by nothing more than the linear baseline.
+"""Linear probes: what can be read from features by nothing more than a weighted sum.
 
 A linear probe is fitted on training samples and scored on test samples. If a straight line is
 enough to read something, the features hold it in plain view; if not, it may be there and hidden.
