@@ -39,7 +39,7 @@ def this_run(trained: Trained, samples: Samples) -> Tables:
     head = {"data": samples.name, "model": "ptae", "seed": trained.about["recipe"]["seed"]}
     size = sum(p.numel() for p in trained.model.parameters())
     scores = head | {"variant": "PTAE", "parameters": size} | evaluate(trained, samples)
-    answers = incongruence_table.run(trained, samples, head["seed"], wanted=ASKED)
+    answers = incongruence_table.rows_of(trained, samples, head["seed"], wanted=ASKED)
     none = pd.DataFrame()
     return Tables(pd.DataFrame([scores]), none, none, answers.assign(**head), none)
 
