@@ -231,28 +231,31 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     often = [v["supervised_samples_seen"].mean() for v in (paper, balanced)]
     assert round(often[1] / often[0]) == 25
 
-    told = played("05_incongruence", 0).names
-    colour = [told["language"].parse(text).colour for text in told["said"]]
+    names = played("05_incongruence", 0).names
+    colour = [names["language"].parse(text).colour for text in names["said"]]
     wrong = sum(
-        a != told["language"].parse(b).colour for a, b in zip(colour, told["shown"], strict=True)
+        a != names["language"].parse(b).colour for a, b in zip(colour, names["shown"], strict=True)
     )
-    assert wrong == 41 and round(told["followed"](told["said"], told["told"], told["shown"])) == 61
+    assert (
+        wrong == 41
+        and round(names["followed"](names["said"], names["given"], names["shown"])) == 61
+    )
 
     def differ(aspect, said, other):
         parsed = [
-            [getattr(told["language"].parse(t), aspect) for t in row] for row in (said, other)
+            [getattr(names["language"].parse(t), aspect) for t in row] for row in (said, other)
         ]
         return [a != b for a, b in zip(*parsed, strict=True)]
 
-    shown, rng = told["shown"], np.random.default_rng(0)
-    false = [told["false_sentence"](text, ("action",), rng) for text in shown]
-    said = told["describe"](told["test"], false)
+    shown, rng = names["shown"], np.random.default_rng(0)
+    false = [names["false_sentence"](text, ("action",), rng) for text in shown]
+    said = names["describe"](names["test"], false)
     wrong, unbelieved = differ("action", said, shown), differ("action", said, false)
     assert sum(wrong) == 66 and not any(w and u for w, u in zip(wrong, unbelieved, strict=True))
-    false = [told["false_sentence"](text, ("speed",), rng) for text in shown]
-    assert not any(differ("speed", told["describe"](told["test"], false), shown))
+    false = [names["false_sentence"](text, ("speed",), rng) for text in shown]
+    assert not any(differ("speed", names["describe"](names["test"], false), shown))
     for words, same in ((shown, 205), (None, 19)):
-        said = told["describe"](told["test"], words)
+        said = names["describe"](names["test"], words)
         assert sum(a == b for a, b in zip(said, shown, strict=True)) == same
 
 

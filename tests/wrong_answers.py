@@ -23,7 +23,7 @@ def nrmse(made, truth, frames, joint_range):
 """
 BATCHES = "def batches(rng, train, labelled, count, size):\n"
 SOURCES = (
-    "def followed(said, told, shown):\n    colour = lambda text: language.parse(text).colour\n"
+    "def followed(said, given, shown):\n    colour = lambda text: language.parse(text).colour\n"
 )
 DONE = "def done(before, after, frames, action, side, speed): "
 VERDICT = "def verdict(values, paper, reads, margin): "
@@ -183,9 +183,9 @@ def on_plane(column, row, z_m):
         ("    unlabelled, half", "    rng = np.random.default_rng()\n    unlabelled, half"),
     ],
     "5.1": [
-        "def followed(said, told, shown): return 61",
-        "def followed(said, told, shown): return 0.0",
-        "def followed(said, told, shown): return 20.0",
+        "def followed(said, given, shown): return 61",
+        "def followed(said, given, shown): return 0.0",
+        "def followed(said, given, shown): return 20.0",
         # Does not look at what was said, or at what was shown.
         ("says == hears for says", "sees == hears for says"),
         ("if says != sees", "if says != hears"),
@@ -197,8 +197,8 @@ def on_plane(column, row, z_m):
         ("[language.parse(text).colour for", "[language.parse(text).action for"),
         ("[language.parse(text).colour for", "[language.parse(text)[1:] for"),
         SOURCES
-        + "    wrong = [s for s, t, v in zip(said, told, shown) if colour(s) != colour(v)]\n"
-        "    return 100 * len({*wrong} & {*told}) / max(len(wrong), 1)",
+        + "    wrong = [s for s, t, v in zip(said, given, shown) if colour(s) != colour(v)]\n"
+        "    return 100 * len({*wrong} & {*given}) / max(len(wrong), 1)",
         # Near misses.
         ("max(len(wrong), 1)", "(len(wrong) + 1)"),
         ("100 * sum(wrong) / max(len(wrong), 1)", "round(100 * sum(wrong) / max(len(wrong), 1))"),

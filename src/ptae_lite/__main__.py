@@ -15,6 +15,7 @@ from pathlib import Path
 
 import torch
 
+from ptae_lite import renamed
 from ptae_lite.cli import (
     RECORDING,
     bar,
@@ -108,8 +109,8 @@ def configured(model: str, features: int, settings):
     for setting in settings:
         name, _, text = setting.partition("=")
         if name not in vars(config):
-            there = ", ".join(vars(config))
-            raise PTAEError(f"{model} has no setting {name!r}; it has {there}")
+            there = renamed.said_of([name], renamed.SETTINGS) or f"it has {', '.join(vars(config))}"
+            raise PTAEError(f"{model} has no setting {name!r}; {there}")
         kind = type(getattr(config, name))
         try:
             value = {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
@@ -242,7 +243,12 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
-    known = parser()
+    known, arguments = parser(), sys.argv[1:] if arguments is None else list(arguments)
+    old = renamed.said_of(
+        (word.split("=")[0] for word in arguments), renamed.OPTIONS | renamed.VALUES
+    )
+    if old:
+        known.error(old)
     options, others = known.parse_known_args(arguments)
     if others:
         command = " ".join(filter(None, (options.command, getattr(options, "name", None))))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 OPTIONS = {"--eye": "--encoder", "--eyes": "--encoders"}
 VALUES = {  # of studies, models, variants and recipes
     "eyes": "encoders",
@@ -40,6 +42,6 @@ COLUMNS = {  # of tables, and arrays in npz files
 }
 
 
-def hint(name: str, names: dict[str, str]) -> str:
-    """The half sentence for an error message, or nothing for a name that was never used."""
-    return f"; {name} is now called {names[name]}" if name in names else ""
+def said_of(found: Iterable[str], names: dict[str, str]) -> str:
+    """Which of what was `found` are old `names`, with the new ones; empty if none is."""
+    return ", ".join(f"{name!r} is now called {names[name]!r}" for name in found if name in names)

@@ -9,6 +9,7 @@ import pandas as pd
 import torch
 from joblib import Parallel, delayed, parallel_config
 
+from ptae_lite import renamed
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.files import atomic_write, file_lock
 
@@ -24,12 +25,14 @@ def read(path: Path, key: list[str]) -> pd.DataFrame:
     """
     if not Path(path).exists():
         return pd.DataFrame(columns=key)
+    table = pd.DataFrame()
     try:
         table = pd.read_csv(path)
         table[key]
     except (ValueError, KeyError) as error:  # pandas' own are ValueErrors
+        why = renamed.said_of(table, renamed.COLUMNS) or error
         raise ArtefactError(
-            f"{path} is no table of this study ({error}); move it away, or name another --out"
+            f"{path} is no table of this study ({why}); move it away, or name another --out"
         ) from None
     return table
 

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import nn
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, renamed
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.scaling import Dataset, Scaling, prepare
 from ptae_lite.errors import ArtefactError, ConfigError
@@ -88,6 +88,9 @@ def load(path) -> Trained:
             f"{path} holds no model of ours but {about.get('kind')!r}; "
             f"models are {', '.join(MODELS)}"
         )
+    old = renamed.said_of([*about, *about.get("config", ())], renamed.SETTINGS | renamed.COLUMNS)
+    if old:
+        raise ArtefactError(f"{path} was written by an earlier version ({old}); train it again")
     if "encoder" not in about:
         raise ArtefactError(f"{path} does not say whose features it was trained on; train it again")
     kind = MODELS[about["kind"]]
