@@ -126,7 +126,7 @@ def test_without_a_recording_one_sentence_says_what_is_missing(tmp_path, capsys)
     ids=str,
 )  # fmt: skip
 def test_the_stored_weights_still_give_the_stored_values(stored, table, recorded, model, condition):
-    again = incongruence_table.run(model, recorded, 0, wanted=[condition]).iloc[0]
+    again = incongruence_table.rows_of(model, recorded, 0, wanted=[condition]).iloc[0]
     own = table[table["seed"] == 0]
     which = (own["signal"] == condition.signal) & (own["conflict_in"] == condition.conflict_in)
     row = own[which & (own["aspects"] == " ".join(condition.aspects))].iloc[0]
