@@ -64,7 +64,7 @@ def test_the_papers_ptae_fails_most_though_its_error_is_the_smallest(table, rate
     assert middle.idxmin() == "ptae" == done.max().idxmin() == error.idxmin()[0]
     assert done.min()["ptae"] > 12 and done.max()["ptae"] < 16
     assert 1.5 < middle["one_look_policy"] / middle["ptae"] < 2
-    watching = ["noise", "watching_policy", "ptae"]
+    watching = ["noisy_video", "watching_policy", "ptae"]
     assert sorted(set(error[error < 2].index.get_level_values("model"))) == watching
     assert error[watching].max() < 2 and done.max()[watching].max() < 50
     assert of(table, "ptae").query("success == 0")["reason"].mode()[0] == "the other cube was moved"
@@ -140,7 +140,7 @@ def test_the_third_scene_of_the_panel_is_the_pair_that_fails_most(table):
 
 def test_each_film_strip_is_an_episode_of_the_table(table):
     with np.load(artefacts.stored(f"results/{episodes.STRIPS}"), allow_pickle=False) as file:
-        texts, videos = file["texts"].tolist(), file["videos"]
+        texts, videos = file["texts"].tolist(), file["strips"]
     there = table[table["condition"] == "test"]
     there = set(there["model"] + ": " + there["sentence"] + " (" + there["reason"] + ")")
     assert len(texts) == len(videos) == 6 and set(texts) <= there
@@ -154,10 +154,10 @@ def test_a_cube_is_moved_when_the_named_one_is_not_there(table):
 
 
 def test_own_films_open_the_eyes_and_noise_does_not(table, rates):
-    opened, noise, own = (rates["test", m] for m in ("watching_policy", "noise", "dagger"))
+    opened, noise, own = (rates["test", m] for m in ("watching_policy", "noisy_video", "dagger"))
     assert opened.max() < 50 and own.min() > 86 and (own > 2 * opened).all()
     assert opened.min() < noise.median() < opened.max() and noise.max() < 50
-    assert rates["displaced", "noise"].max() < rates["displaced", "watching_policy"].max()
+    assert rates["displaced", "noisy_video"].max() < rates["displaced", "watching_policy"].max()
     assert (rates["displaced", "dagger"] > 2 * rates["displaced", "watching_policy"]).all()
     failed = of(table, "watching_policy").query("success == 0")["reason"]
     assert not (failed == "the wrong speed").any()

@@ -68,7 +68,7 @@ def test_a_clip_is_told_under_every_condition(trained, samples, answers):
             row = answers.of(condition)
             assert (row.track >= 0) == (signal not in ANSWERS_WORDS)
             drawn = extra_inputs(samples, indices, condition)[1]  # as in the table
-            assert (row.sentence or row.clip) == drawn and row.follows in SOURCES
+            assert (row.sentence or row.clip) == drawn and row.source in SOURCES
     condition = Condition("execute", "vision", ("speed",))
     answer = respond_under(trained, Source(trained.dataset(samples)), indices[:2], condition)
     again = trained.scaling.joints_back(answer.joints[1].numpy())
@@ -206,7 +206,7 @@ def test_a_card_shows_and_says_what_is_stored(panel, stored, table, recorded, po
     own = pattern(int(recorded.pattern[stored.index]))
     assert f"<b>{condition.signal}.</b>" in html
     assert html.count("≠") == len(condition.aspects)  # each false part has its mark
-    assert row.answer in html and f"<b>{row.follows}</b>" in html
+    assert row.answer in html and f"<b>{row.source}</b>" in html
     assert ("distractor</td>" in html) == bool(condition.aspects)
     assert ("data-ptae-embed" in html) == (condition.signal not in ANSWERS_WORDS)
     which = (table["signal"] == condition.signal) & (table["aspects"] == row.aspects)

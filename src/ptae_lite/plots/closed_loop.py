@@ -84,5 +84,5 @@ def strips(path=None) -> Figure:
         for axis, image in zip(row, video, strict=True):
             axis.imshow(image)
             axis.set_axis_off()
-        row[0].set_title(text, loc="left", fontsize=8)
+        row[0].set_title(text.replace("_", " "), loc="left", fontsize=8)
     return style.closed(figure)

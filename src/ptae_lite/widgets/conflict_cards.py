@@ -136,7 +136,7 @@ class Card:
             answer = f"nearest to: {answer}, {row.distance:.1f} % away"
         rows.append(("the model", f"<b>{answer}</b>"))
         cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows)
-        verdict = row.follows if aspects or row.follows == "truth" else "not the truth"
+        verdict = row.source if aspects or row.source == "truth" else "not the truth"
         cells += f"<tr><td>follows</td><td><b>{verdict}</b></td></tr>"
         return f'<table style="margin:1em 0">{cells}</table>'
 
