@@ -148,7 +148,7 @@ def test_every_scene_draws_and_moves_when_played(browser, name):
 
 def test_a_saved_scene_is_a_page_of_its_own(browser, tmp_path):
     samples = load_samples("recording")
-    scene3d.sample_scene(samples, 90, encoder=True).save(tmp_path / "scene.html")
+    scene3d.sample_scene(samples, 90, eye=True).save(tmp_path / "scene.html")
     with opened(browser) as page:
         page.goto((tmp_path / "scene.html").as_uri())
         page.locator("#clock").filter(has_text="frame").wait_for(timeout=60_000)
