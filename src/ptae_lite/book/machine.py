@@ -14,7 +14,7 @@ from ptae_lite.book import memory
 from ptae_lite.book.finding import GOOD, PROBLEM, ROOT, WARNING, Finding, installed, python
 
 FREE_GB, INSTALL_GB = 2, 6  # a full re-run leaves some 0.5 GB; the install needs more
-CHAPTER_GB, LAB_GB = 1.2, 0.2  # measured: the kernel of chapter 02 (others: 0.7), and JupyterLab
+CHAPTER_GB, LAB_GB = 0.75, 0.2  # measured: the kernel of a chapter at most, and JupyterLab
 MEMORY_GB = 2  # two chapters side by side, as the book is built; training a CAE takes 1.4
 ADDRESSES_GB = 3  # a chapter maps libraries and never reads most of them
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
@@ -39,7 +39,7 @@ def check_memory(limits: dict[str, int] | None = None, addresses: int | None = N
     """The least of what limits it, against what was measured of the chapters."""
     if limits is None:
         limits, addresses = memory.limits(), memory.address_space()
-    needs = f"chapter 02 takes {CHAPTER_GB} GB, the others 0.7, JupyterLab {LAB_GB}"
+    needs = f"a chapter takes up to {CHAPTER_GB} GB, JupyterLab {LAB_GB}"
     if addresses is not None and addresses < ADDRESSES_GB * 1e9:
         says = f"ulimit -v leaves {addresses / 1e9:.1f} GB of addresses, a chapter needs "
         return Finding("memory", PROBLEM, says + f"{ADDRESSES_GB}", "ulimit -v unlimited")

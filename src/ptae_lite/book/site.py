@@ -28,7 +28,7 @@ LOG = Path("logs", "sphinx.log")
 TAIL = 15  # lines shown of a chapter's traceback
 POLL_S = 0.2
 KILLED = (
-    "A chapter's kernel was killed, probably for lack of memory: chapter 02 takes "
+    "A chapter's kernel was killed, probably for lack of memory: a chapter takes up to "
     f"{CHAPTER_GB} GB, and two chapters run at a time; python3 run.py doctor says what there is."
 )
 

@@ -117,6 +117,23 @@ def images(keys) -> np.ndarray:
     return found
 
 
+class Images:
+    """Stored frames that stay compressed until they are asked for; decoded, all take 114 MB.
+
+    They are indexed as an array (M, 120, 160, 3) is along its first axis.
+    """
+
+    def __init__(self, keys):
+        self.keys = np.asarray(keys)  # (M, 3): pattern, variation, frame
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def __getitem__(self, rows) -> np.ndarray:
+        keys = self.keys[rows]
+        return images(keys) if keys.ndim == 2 else frame(*keys)
+
+
 def training_images(folder, every: int = 3) -> np.ndarray:
     """Images of the training patterns in a recording, each `every`-th frame, first ones included.
 

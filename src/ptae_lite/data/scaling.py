@@ -61,10 +61,11 @@ def fit_scaling(samples: Samples, indices, exponent: float = HALF_WHITE) -> Scal
     joints = samples.joints[indices][valid].astype(float)
     features = samples.features[indices][valid].astype(float)
     mean = features.mean(0)
-    variances, axes = np.linalg.eigh(np.cov(features - mean, rowvar=False))
+    features -= mean
+    variances, axes = np.linalg.eigh(np.cov(features, rowvar=False))
     variances = np.maximum(variances, 1e-9 * variances.max())
     feature_map = axes * variances**-exponent
-    spread = ((features - mean) @ feature_map).std(0)
+    spread = (features @ feature_map).std(0)
     return Scaling(
         joints.min(0), joints.max(0), mean, feature_map * FEATURE_SD / np.sqrt((spread**2).mean())
     )
@@ -88,9 +89,12 @@ def prepare(samples: Samples, scaling: Scaling) -> Dataset:
             f"the samples have {samples.features.shape[2]}"
         )
     mask = (np.arange(MAX_FRAMES) < samples.frames[:, None])[..., None]
+    features = np.empty(samples.features.shape, np.float32)
+    for made, raw, valid in zip(features, samples.features, mask, strict=True):
+        made[:] = scaling.features(raw) * valid  # one by one: all as doubles take much memory
     return Dataset(
         samples,
         scaling,
         (scaling.joints(samples.joints) * mask).astype(np.float32),
-        (scaling.features(samples.features) * mask).astype(np.float32),
+        features,
     )

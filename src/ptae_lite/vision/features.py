@@ -26,12 +26,15 @@ def as_input(
 
 
 @torch.no_grad()
-def encode_images(
-    encoder: nn.Module, images: UInt8[np.ndarray, "M 120 160 3"], batch: int = 100
-) -> Float[np.ndarray, "M F"]:
-    """Features of images."""
-    parts = [encoder.encode(as_input(images[i : i + batch])) for i in range(0, len(images), batch)]
-    return torch.cat(parts).numpy()
+def encode_images(encoder: nn.Module, images, batch: int = 100) -> Float[np.ndarray, "M F"]:
+    """Features of images, an array (M, 120, 160, 3) of bytes or `frames.Images`."""
+    codes = None
+    for i in range(0, len(images), batch):
+        part = encoder.encode(as_input(images[i : i + batch]))
+        if codes is None:  # one array: small ones among images that come and go hold their memory
+            codes = np.empty((len(images), part.shape[1]), np.float32)
+        codes[i : i + batch] = part.numpy()
+    return codes
 
 
 def encode_recording(

@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from ptae_lite.errors import ConfigError
 
 CHANNELS, HEIGHT, WIDTH = 3, 120, 160
+PARTS = 12  # of an image's height, when a PCA is fitted
 
 
 class JointPCA(nn.Module):
@@ -58,15 +59,23 @@ def fit(encoder: JointPCA, images: UInt8[np.ndarray, "M 120 160 3"]) -> JointPCA
     """
     if len(images) <= encoder.code:
         raise ConfigError(f"{encoder.code} components need more than {len(images)} images")
-    for group in range(encoder.groups):
-        part = images if encoder.groups == 1 else images[..., group : group + 1]
-        # channels first, as a network takes them
-        flat = part.transpose(0, 3, 1, 2).reshape(len(images), -1) / np.float32(255)
-        mean = flat.mean(0)
-        flat -= mean
-        sizes, mixtures = np.linalg.eigh((flat @ flat.T).astype(float))
+    for group, channels in enumerate(np.split(np.arange(CHANNELS), encoder.groups)):
+        # Part by part, since all as floats would fill much memory. Channels first, as in a network.
+        parts = [part for c in channels for part in np.split(images[..., c], PARTS, axis=1)]
+        products = sum((flat @ flat.T).astype(float) for flat, _ in map(_around_mean, parts))
+        sizes, mixtures = np.linalg.eigh(products)
         sizes, mixtures = sizes[-encoder.code :], mixtures[:, -encoder.code :]  # the largest, last
-        axes = flat.T @ (mixtures / np.sqrt(sizes)).astype(np.float32)
+        mixtures = (mixtures / np.sqrt(sizes)).astype(np.float32)
+        fitted = [(flat.T @ mixtures, mean) for flat, mean in map(_around_mean, parts)]
+        axes, mean = map(np.concatenate, zip(*fitted, strict=True))
         encoder.mean[group, 0] = torch.from_numpy(mean)
         encoder.axes[group] = torch.from_numpy(axes[:, ::-1].copy())
     return encoder
+
+
+def _around_mean(part: UInt8[np.ndarray, "M H W"]) -> tuple[np.ndarray, np.ndarray]:
+    """Images of one channel as rows (M, H x W) around their mean, and the mean."""
+    flat = part.reshape(len(part), -1) / np.float32(255)
+    mean = flat.mean(0)
+    flat -= mean
+    return flat, mean

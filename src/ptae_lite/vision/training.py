@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 import torch
-from jaxtyping import UInt8
 from torch import nn
 from torch.nn import functional
 
@@ -123,16 +122,17 @@ class AutoencoderTrainer:
 
 def train_autoencoder(
     encoder: nn.Module,
-    images: UInt8[np.ndarray, "M 120 160 3"],
+    images,
     recipe: AutoencoderRecipe = AutoencoderRecipe(),
     progress=lambda steps: steps,
     device: str = "cpu",
 ) -> list[float]:
     """Train on random batches of `images` by pixel-wise cross-entropy; returns the loss curve.
 
-    Only frames of training patterns belong in `images`. The loss is the paper's; the schedule is
-    ours (`AutoencoderTrainer`). The arithmetic is done on the
-    `device`; the encoder comes back to the CPU.
+    `images` are an array (M, 120, 160, 3) of bytes, or `frames.Images`, decoded batch by batch.
+    Only frames of training patterns belong in them. The loss is the paper's; the schedule is
+    ours (`AutoencoderTrainer`). The arithmetic is done on the `device`; the encoder comes back to
+    the CPU.
     """
     training = AutoencoderTrainer(encoder, recipe, device)
     losses = training.go(images, recipe.steps, recipe.steps, progress=progress)
