@@ -1,15 +1,8 @@
 #!/usr/bin/env python3
-"""Make the environment in .venv/, then do one job of the book.
+"""Make the environment in .venv/, then do one job of the book: `python3 run.py --help` lists them.
 
-    python3 run.py book               run every chapter and build the site into build/html
-    python3 run.py test [--all]       unit tests and every notebook; all: the browser and more
-    python3 run.py test -- ARGS       pytest with ARGS
-    python3 run.py lab [-- ARGS]      open the chapters in JupyterLab (ARGS go to it)
-    python3 run.py notebooks [NAME]   write the .ipynb twins of the chapters, with their outputs
-    python3 run.py doctor             what is wrong here, and the command that mends it
-    python3 run.py certify            run the chapters, and write down what came out
-    python3 run.py full [--seeds 1]   make everything anew and compare it with what is stored
-    python3 run.py course OUT         write the exercises for students and for instructors
+What follows the name of a job goes to the module that does it, which says what it understands:
+`python3 run.py test --help`.
 
 Standard library only, on Linux, macOS and Windows: this file runs before anything is installed.
 """
@@ -26,19 +19,13 @@ import shutil
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent
 STAMP = Path(".venv", "installed.json")  # what the .venv/ was made from, and where
 MINIMUM = (3, 11)
 NEEDED_GB = 6  # PyTorch with its CUDA libraries, and as much again while pip unpacks it
-TIERS = ("replay", "quick", "full")
-EXTRAS = ("bert", "cluster", "course")  # of pyproject.toml, what some of all tests need
-EXTRAS_STAMP = Path(".venv", "extras.sha256")
-NOT_QUICK = ("browser", "stops", "slow", "extras")  # markers of tests that only --all runs
-WORKERS = 8  # at most: each takes half a GB, and the longest file decides how long it takes
 FIND_PYBULLET = "import importlib.util as u, sys; sys.exit(u.find_spec('pybullet') is None)"
 NO_PYBULLET = (
     "Note: nothing can be recorded or acted out here, because PyBullet has wheels for Python 3.11 "
@@ -52,6 +39,18 @@ FOREIGN = (
 )  # fmt: skip
 READER_GONE = 141  # the status of a program whose output nobody reads any more, as after `| head`
 INSTALLATION = Path("src", "ptae_lite", "book", "installation.py")  # makes it run this library
+DOCTOR = Path("src", "ptae_lite", "book", "doctor.py")  # a file: it runs before the library can
+JOBS = {  # the name of each, what does it, and its line in the help
+    "book": ("ptae_lite.book.site", "run every chapter and build the site into build/html"),
+    "test": ("ptae_lite.book.testing", "unit tests and every notebook; with --all also the rest"),
+    "lab": ("jupyterlab", "open the chapters in JupyterLab, for this machine only"),
+    "notebooks": ("ptae_lite.book.notebooks", "write the .ipynb of the chapters, with outputs"),
+    "doctor": (DOCTOR, "what is wrong here, and the command that mends it; installs nothing"),
+    "certify": ("ptae_lite.reproduce.certificate", "run the chapters, and write what came out"),
+    "full": ("ptae_lite.reproduce.pipeline", "make everything anew, and compare it with data/"),
+    "course": ("ptae_lite.book.course", "write the exercises for students and instructors"),
+}
+LAB = ("--ip=127.0.0.1", "--ServerApp.root_dir=book")  # reachable from this machine only
 
 
 class Stop(Exception):
@@ -141,10 +140,10 @@ def install_commands(python: Path, uv: str | None) -> list:
     return [[*install, "-r", "environment.txt"], [str(python), str(INSTALLATION)]]
 
 
-def child_environment(environ: dict, tier: str | None = None) -> dict:
+def child_environment(environ: dict) -> dict:
     """The environment of everything started here: one thread per process, no random hashes."""
     child = {name: value for name, value in environ.items() if name not in FOREIGN}
-    child["PTAE_TIER"] = tier or environ.get("PTAE_TIER") or TIERS[0]
+    child["PTAE_TIER"] = environ.get("PTAE_TIER") or "replay"  # an empty one is none
     child["OMP_NUM_THREADS"] = "1"  # two kernels at once would otherwise fight for the cores
     child["PYTHONHASHSEED"] = "0"
     child["PYTHONUTF8"] = "1"  # texts are UTF-8, also where the system's locale is not
@@ -228,194 +227,48 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
     return python
 
 
-def book(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Run every chapter and build the site into build/html."""
-    say(f"Running every chapter (tier {env['PTAE_TIER']}) and building the site ...")
-    return 1 if call([python, "-m", "ptae_lite.book.site"], env) else 0
+def do(job: str, args: list, env: dict, python: Path) -> int:
+    """Run the module of a job in the repository; its exit code."""
+    module, _ = JOBS[job]
+    if job == "doctor":
+        # It looks at the variables that others are started without, and obeys none of them.
+        env = env | {name: os.environ[name] for name in FOREIGN if name in os.environ}
+        alone = ["-E", "-X", "utf8"] if python == venv_python() else []
+        return call([python, *alone, module, *args], env)
+    if job == "lab":
+        args = [*LAB, *(args[1:] if args[:1] == ["--"] else args)]
+    if job not in ("lab", "test"):  # what is started in those has paths of its own
+        with suppress(OSError):  # a shell may stand in a folder that is gone
+            env = env | {"PTAE_CALLED_FROM": os.getcwd()}  # from there, a reader's paths are meant
+    status = call([python, "-m", module, *args], env)
+    return 1 if status < 0 else status  # below zero: it was killed
 
 
-def ensure_extras(python: Path, env: dict, root: Path = ROOT) -> None:
-    """Install what the extras bring into .venv/ too; what environment.txt pins stays as it is."""
-    import tomllib  # not in the old Pythons that get as far as check_python
-
-    done = root / EXTRAS_STAMP
-    if done.exists() and done.read_text(encoding="utf-8") == fingerprint(root):
-        return
-    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    wanted = [one for extra in EXTRAS for one in project["optional-dependencies"][extra]]
-    say(f"Installing {', '.join(wanted)} into .venv/, for the tests of the extras ...")
-    command = [*installer(python, shutil.which("uv")), "-c", "environment.txt", *wanted]
-    with log("extras") as file:
-        if call(command, env, stdout=file, stderr=file):
-            say("They could not be installed (build/logs/extras.log); their tests are skipped.")
-            return
-    done.write_text(fingerprint(root), encoding="utf-8")
-
-
-def cores() -> int:
-    usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
-    return len(usable(0))
-
-
-def phases(everything: bool) -> dict:
-    """What is told to pytest for each group of tests, in the order in which they run."""
-    # The tests of a file share what is costly, the cells of a notebook a kernel: one worker's.
-    together, names = ["--dist", "loadfile"], [f"not {name}" for name in NOT_QUICK]
-    nbval = ["--nbval-lax", "--nbval-cell-timeout=300"]
-    found = {"unit tests": ["-m", "not browser" if everything else " and ".join(names), *together]}
-    if everything:  # pages are looked at one by one, by the worker that is free
-        found["pages in a browser"] = ["-m", "browser", "--dist", "worksteal"]
-    return found | {"cells of notebooks": [*nbval, *together, "book"]}
-
-
-def test(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Unit tests, then every notebook; with --all also what takes longer; or pytest with ARGS."""
-    pytest = [python, "-m", "pytest", "-rs"]  # with the reason of each skip
-    if args.extra:
-        return 1 if call([*pytest, "--junitxml=build/junit.xml", *args.extra], env) else 0
-    start, results = time.monotonic(), {}
-    pytest += ["-q", "--no-header", "--tb=short", "-n", min(cores(), WORKERS)]
-    if args.all:
-        ensure_extras(python, env)
-        results["book"] = (book(python, env, args), "")  # first: the browser looks at what it built
-    for name, options in phases(args.all).items():
-        file = name.split()[0]
-        junit = ROOT / "build" / f"junit-{file}.xml"
-        junit.unlink(missing_ok=True)  # of an earlier run
-        say(f"\n{name.capitalize()} ...")
-        with log(file) as errors:  # kernels and workers say there what concerns no reader
-            status = call([*pytest, f"--junitxml={junit}", *options], env, stderr=errors)
-        results[name] = (status, counts(junit) or f"see build/logs/{file}.log")
-    failed = any(status for status, _ in results.values())
-    say(f"\n{'FAILED' if failed else 'Passed'} in {(time.monotonic() - start) / 60:.1f} min: "
-        + "; ".join(f"{name} {'FAILED ' * bool(status)}{said}".strip()
-                    for name, (status, said) in results.items())
-        + ("." if args.all else f". Left out: tests marked {', '.join(NOT_QUICK)}; "
-           f"{starter()} test --all runs them, too."))  # fmt: skip
-    return 1 if failed else 0
-
-
-def counts(junit: Path) -> str:
-    """How many tests a file of results tells of; nothing where pytest did not come to its end."""
-    if not junit.exists():
-        return ""
-    suite = next(ElementTree.parse(junit).iter("testsuite")).attrib
-    failed, skipped = int(suite["failures"]) + int(suite["errors"]), int(suite["skipped"])
-    ran = int(suite["tests"]) - skipped
-    parts = {"failed": failed, "passed": ran - failed, "skipped": skipped}
-    return ", ".join(f"{count} {what}" for what, count in parts.items() if count)
-
-
-def starter() -> str:
-    return "py run.py" if os.name == "nt" else "python3 run.py"
-
-
-def lab(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Open the chapters in JupyterLab, reachable from this machine only."""
-    command = [python, "-m", "jupyterlab", "--ip=127.0.0.1", "--ServerApp.root_dir=book"]
-    return call([*command, *args.extra], env)
-
-
-def notebooks(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Write the .ipynb twins of the chapters, with their outputs."""
-    side = ["--from", args.side] if args.side else []
-    return call([python, "-m", "ptae_lite.book.notebooks", *args.names, *side], env)
-
-
-def doctor(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Say what is wrong here, and the command that mends each thing."""
-    # It looks at the variables that others are started without, and obeys none of them.
-    given = {name: os.environ[name] for name in FOREIGN if name in os.environ}
-    more = ["--line-endings"] if args.line_endings else []
-    alone = ["-E", "-X", "utf8"] if python == venv_python() else []
-    return call([python, *alone, Path("src", "ptae_lite", "book", "doctor.py"), *more], env | given)
-
-
-def full(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Make everything anew, from the recording to the book, and compare it with data/."""
-    out = Path(args.out).absolute()
-    options = ["--seeds", args.seeds, "--out", out, "--device", args.device]
-    return call(
-        [python, "-m", "ptae_lite.reproduce.pipeline", *options, *["--plan"] * args.plan], env
+def parse(argv: list) -> tuple:
+    """The name of the job, and what goes to its module."""
+    parser = argparse.ArgumentParser(
+        prog="run.py",
+        usage="run.py JOB [ARGUMENT ...]",
+        description=__doc__.split(":")[0] + ".",
+        epilog="jobs:\n"
+        + "".join(f"  {name:<11} {says}\n" for name, (_, says) in JOBS.items())
+        + "\nrun.py JOB --help says what may follow a job (the first job makes .venv/: minutes).",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-
-
-def certify(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Run the chapters and write what came out into one small file; or --check such a FILE."""
-    command = [python, "-m", "ptae_lite.reproduce.certificate"]
-    if args.check:
-        return call([*command, "--check", *(Path(file).absolute() for file in args.check)], env)
-    env["PTAE_TIER"] = "replay"
-    (ROOT / "build/chapter_times.json").unlink(missing_ok=True)  # of an earlier run
-    book(python, env, args)  # what fails in it stands in the certificate
-    out = Path(args.out).absolute()  # from where the reader is, as OUT of a course
-    return call([*command, "--out", out, "--name", args.name], env)
-
-
-def course(python: Path, env: dict, args: argparse.Namespace) -> int:
-    """Write the exercises into a new folder OUT: one part for students, one for instructors."""
-    # The job runs in the repository; OUT is meant from where the reader is.
-    options = [Path(args.out).absolute(), "--seed", args.seed]
-    return call([python, "-m", "ptae_lite.book.course", *options], env)
-
-
-JOBS = (book, test, lab, notebooks, doctor, certify, full, course)
-
-
-def parse(argv: list) -> argparse.Namespace:
-    own, extra = argv, []
-    if "--" in argv:
-        own, extra = argv[: argv.index("--")], argv[argv.index("--") + 1 :]
-    parser = argparse.ArgumentParser(prog="run.py", description=__doc__.split("\n\n")[0])
-    jobs = parser.add_subparsers(dest="job", required=True, metavar="JOB")
-    for job in JOBS:
-        sub = jobs.add_parser(job.__name__, help=job.__doc__)
-        sub.set_defaults(run=job, tier=None)
-        if job in (book, test):
-            sub.add_argument("--tier", choices=TIERS, help="stored results, short or full runs")
-        if job is test:
-            sub.add_argument("--all", action="store_true", help="browser, kills, extras, all else")
-        if job is notebooks:
-            sub.add_argument("names", nargs="*", metavar="NAME", help="such as 01_simulation")
-            help = "whose cells to keep where the .ipynb was edited"
-            sub.add_argument("--from", dest="side", choices=("md", "ipynb"), help=help)
-        if job is doctor:
-            text = "mend stored files whose line ends were changed"
-            sub.add_argument("--line-endings", action="store_true", help=text)
-        if job is certify:
-            sub.add_argument("--name", default="", help="who hands it in; decides what is asked")
-            sub.add_argument("--out", default=ROOT / "build/certificate.json", help="file to write")
-            help = "check certificates, in seconds"
-            sub.add_argument("--check", metavar="FILE", nargs="+", help=help)
-        if job is full:
-            sub.add_argument("--seeds", type=int, default=3, help="trainings of each kind")
-            sub.add_argument(
-                "--out", default=ROOT / "build/full", help="folder, new or to go on with"
-            )
-            sub.add_argument("--device", default="auto", help="of the CAEs: cpu, cuda, or auto")
-            sub.add_argument("--plan", action="store_true", help="only show what would be done")
-        if job is course:
-            sub.add_argument("out", metavar="OUT", help="a new folder")
-            sub.add_argument("--seed", type=int, default=0, help="other numbers in the exercises")
-    args = parser.parse_args(own)
-    if extra and args.run not in (test, lab):
-        parser.error(f"{args.job} takes no arguments after --")
-    if extra and args.run is test and args.all:
-        parser.error("either --all or arguments after --")
-    args.extra = extra
-    return args
+    parser.add_argument("job", choices=JOBS, metavar="JOB", help="one of those below")
+    return parser.parse_args(argv[:1]).job, argv[1:]
 
 
 def main(argv: list) -> int:
     try:
         check_python(sys.version_info)
-        args = parse(argv)
-        env = child_environment(os.environ, args.tier)
-        if args.run is doctor:  # installs nothing: it says what there is
+        job, args = parse(argv)
+        env = child_environment(os.environ)
+        if job == "doctor":  # installs nothing: it says what there is
             python = venv_python() if venv_python().exists() else Path(sys.executable)
         else:
             python = ensure_environment(env)
-        return args.run(python, env, args)
+        return do(job, args, env, python)
     except Stop as stop:
         print(stop, file=sys.stderr)
         return 1

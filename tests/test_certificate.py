@@ -1,6 +1,7 @@
 """A certificate holds where it was made, and tells what was changed, copied or of elsewhere."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
@@ -147,6 +148,28 @@ def test_a_certificate_without_one_of_its_parts_is_refused(body, tmp_path):
             certificate.read(path)
     with pytest.raises(ArtefactError, match="none.json is missing; name the file"):
         certificate.read(tmp_path / "none.json")
+
+
+def test_the_command_runs_the_chapters_as_they_are_stored(quick, times, tmp_path, monkeypatch):
+    """Unless it is told of a run, or only checks; a book that fails leaves no earlier run's."""
+    ran, file = [], tmp_path / "build" / "chapter_times.json"
+
+    def book(command, **_):
+        ran.append(command[1:])
+        assert not file.exists()
+        file.write_text(json.dumps(times))
+
+    file.parent.mkdir()
+    file.write_text("{}")
+    monkeypatch.setenv("PTAE_DATA", str(artefacts.data_folder()))
+    monkeypatch.setattr(artefacts, "ROOT", tmp_path)
+    monkeypatch.setattr(certificate, "subprocess", SimpleNamespace(run=book))
+    out = str(tmp_path / "c.json")
+    assert certificate.main(["--name", NAME, "--out", out]) == 0
+    assert ran == [["-m", "ptae_lite.book.site", "--tier", "replay"]]
+    assert certificate.main(["--name", NAME, "--out", out, "--times", str(file)]) == 0
+    assert certificate.main(["--check", out]) == 0
+    assert len(ran) == 1
 
 
 def test_the_command_writes_and_checks_one_file(quick, times, tmp_path, capsys):

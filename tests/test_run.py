@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from ptae_lite.book import machine as doctor_machine
+from ptae_lite.book import site, testing
 
 ROOT = Path(__file__).resolve().parents[1]
 spec = importlib.util.spec_from_file_location("run", ROOT / "run.py")
@@ -225,10 +226,10 @@ def test_python_in_the_environment():
 
 def test_children_get_fixed_settings():
     env = run.child_environment({"HOME": "h", "OMP_NUM_THREADS": "8", "PIP_FIND_LINKS": "wheels"})
-    assert (env["HOME"], env["PTAE_TIER"], env["OMP_NUM_THREADS"]) == ("h", "replay", "1")
+    assert (env["HOME"], env["OMP_NUM_THREADS"]) == ("h", "1")
     assert (env["PYTHONHASHSEED"], env["UV_FIND_LINKS"]) == ("0", "wheels")
-    assert run.child_environment({"PTAE_TIER": "quick"})["PTAE_TIER"] == "quick"
-    assert run.child_environment({"PTAE_TIER": "quick"}, "full")["PTAE_TIER"] == "full"
+    for given, tier in ({"PTAE_TIER": "quick"}, "quick"), ({"PTAE_TIER": ""}, "replay"):
+        assert run.child_environment(given)["PTAE_TIER"] == tier
 
 
 def test_children_do_not_get_what_another_project_set():
@@ -278,14 +279,65 @@ def test_a_kernel_does_not_get_the_packages_of_another_environment(tmp_path):
 # ---------------------------------------------------------------- the jobs
 
 
-@pytest.mark.parametrize(("status", "ends"), [(0, 0), (2, 1), (-9, 1)])
-def test_the_book_is_built_by_the_environment(status, ends, calls, monkeypatch, capsys):
-    monkeypatch.setattr(
-        run, "call", lambda command, env, **streams: calls.append(command) or status
-    )
-    assert run.book("py", {"PTAE_TIER": "quick"}, None) == ends
-    assert calls == [["py", "-m", "ptae_lite.book.site"]]
-    assert "tier quick" in capsys.readouterr().out
+@pytest.fixture
+def environment(monkeypatch):
+    """There is one, and nothing to install; its Python is this one."""
+    monkeypatch.setattr(run, "ensure_environment", lambda env: Path(sys.executable))
+
+
+PATH_JOBS = [job for job in run.JOBS if job not in ("lab", "test", "doctor")]
+
+
+@pytest.mark.parametrize("job", run.JOBS)
+def test_every_job_is_handed_what_follows_its_name(job, calls, environment):
+    assert run.main([job, "--of-its-own", "x"]) == 0
+    assert calls[0][-2:] == ["--of-its-own", "x"]
+    if job == "doctor":
+        assert (ROOT / calls[0][-3]).is_file()
+    else:
+        assert calls[0][1] == "-m" and importlib.util.find_spec(calls[0][2])
+
+
+@pytest.mark.parametrize(("status", "ends"), [(0, 0), (2, 2), (-9, 1), (run.READER_GONE,) * 2])
+def test_a_job_ends_as_its_module_did(status, ends, environment, monkeypatch):
+    monkeypatch.setattr(run, "call", lambda *_: status)
+    assert run.main(["book"]) == ends
+
+
+@pytest.mark.parametrize("job", PATH_JOBS)
+def test_paths_are_meant_from_where_the_reader_is(job, environment, monkeypatch, tmp_path):
+    seen = []
+    monkeypatch.setattr(run, "call", lambda command, env: seen.append(env) or 0)
+    monkeypatch.chdir(tmp_path)
+    run.main([job])
+    monkeypatch.setattr(os, "environ", seen[0])
+    monkeypatch.chdir(ROOT)  # where the job runs
+    module = importlib.import_module(run.JOBS[job][0])
+    given = {"course": ["mine"], "full": ["--out", "mine"], "certify": ["--out", "mine"],
+             "book": ["--out", "mine"], "notebooks": []}[job]  # fmt: skip
+    assert getattr(module.parser().parse_args(given), "out", tmp_path / "mine") == tmp_path / "mine"
+    if job in ("full", "certify"):
+        assert module.parser().parse_args([]).out.is_relative_to(ROOT / "build")
+    if job == "certify":
+        checked = module.parser().parse_args(["--check", "c.json", "/d.json"]).check
+        assert checked == [tmp_path / "c.json", Path("/d.json")]
+
+
+def test_the_help_lists_every_job_and_needs_no_environment(capsys, monkeypatch):
+    monkeypatch.setattr(run, "ensure_environment", lambda env: 1 / 0)
+    with pytest.raises(SystemExit) as ended:
+        run.main(["--help"])
+    shown = capsys.readouterr().out
+    assert ended.value.code == 0
+    assert all(f"  {name} " in shown and says in shown for name, (_, says) in run.JOBS.items())
+
+
+@pytest.mark.parametrize("job", ["full", "test"])
+def test_a_job_says_what_it_understands(job, capsys):
+    module = importlib.import_module(run.JOBS[job][0])
+    with pytest.raises(SystemExit):
+        module.main(["--help"])
+    assert f"usage: run.py {job} " in capsys.readouterr().out
 
 
 def test_the_doctor_installs_nothing_and_needs_no_environment(calls, root, monkeypatch):
@@ -299,81 +351,60 @@ def test_the_doctor_installs_nothing_and_needs_no_environment(calls, root, monke
     assert calls[1][-1] == "--line-endings"
 
 
-def test_a_certificate_runs_the_chapters_as_they_are_stored(calls, monkeypatch, tmp_path):
-    tiers, times = [], run.ROOT / "build" / "chapter_times.json"
-    times.parent.mkdir(exist_ok=True)
-    times.write_text("{}")
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    monkeypatch.setattr(run, "book", lambda python, env, args: tiers.append(env["PTAE_TIER"]) or 1)
-    env = run.child_environment({"PTAE_TIER": "quick"})
-    assert run.certify("py", env, run.parse(["certify", "--name", "Ada"])) == 0
-    assert tiers == ["replay"] and not times.exists()  # a book that fails leaves no earlier run's
-    assert calls[0][-4:] == ["--out", f"{run.ROOT}/build/certificate.json", "--name", "Ada"]
-    run.certify("py", env, run.parse(["certify", "--out", "mine.json"]))
-    assert calls.pop()[-3] == str(tmp_path / "elsewhere" / "mine.json")
-    tiers.pop()
-    run.certify("py", env, run.parse(["certify", "--check", "c.json"]))
-    assert calls[1][-2:] == ["--check", str(Path("c.json").absolute())] and len(tiers) == 1
-    run.certify("py", env, run.parse(["certify", "--check", "c.json", "d.json"]))
-    assert calls[2][-2:] == [str(Path(name).absolute()) for name in ("c.json", "d.json")]
-
-
-def test_a_full_rerun_hands_its_options_on(calls):
-    run.full("py", {}, run.parse(["full", "--seeds", "1", "--plan"]))
-    assert calls[0][2:] == [
-        "ptae_lite.reproduce.pipeline", "--seeds", "1", "--out", f"{run.ROOT}/build/full",
-        "--device", "auto", "--plan",
-    ]  # fmt: skip
-
-
 JUNIT = (
     '<testsuites><testsuite errors="1" failures="{failures}" skipped="3" tests="20"/></testsuites>'
 )
 
 
 @pytest.fixture
-def phases(calls, monkeypatch):
-    """A function: how pytest ends in each phase; those that it ran are in `calls`."""
+def phases(monkeypatch, tmp_path):
+    """A function: how pytest ends in each phase; it gives the list of the commands that ran."""
+    ran = []
 
     def end(units=0, pages=0, cells=0, site=0):
-        def pytest_call(command, env, **streams):
-            calls.append([str(part) for part in command])
-            (junit,) = (part.split("=")[1] for part in calls[-1] if part.startswith("--junitxml"))
-            status = cells if "--nbval-lax" in command else pages if "browser" in command else units
+        def call(module, *options, log=None):
+            ran.append([module, *options])
+            if module != "pytest":
+                return site
+            (junit,) = (word.split("=")[1] for word in map(str, options) if "junitxml" in word)
+            status = cells if "--nbval-lax" in options else pages if "browser" in options else units
             if status != 4:  # 4: pytest did not come to its end
                 Path(junit).write_text(JUNIT.format(failures=status))
             return status
 
-        monkeypatch.setattr(run, "call", pytest_call)
-        monkeypatch.setattr(run, "book", lambda *_: calls.append(["book"]) or site)
-        monkeypatch.setattr(run, "ensure_extras", lambda *_: calls.append(["extras"]))
+        (tmp_path / "build").mkdir()
+        monkeypatch.setattr(testing, "ROOT", tmp_path)
+        monkeypatch.setattr(testing, "call", call)
+        monkeypatch.setattr(testing, "ensure_extras", lambda: ran.append(["extras"]))
+        return ran
 
     return end
 
 
+def mark_of(command):
+    return command[command.index("-m") + 1]
+
+
 @pytest.mark.parametrize("units", [0, 1])
 @pytest.mark.parametrize("cells", [0, 5])  # 5: no test was found
-def test_the_quick_tests_need_no_site_and_end_in_a_line(units, cells, calls, phases, capsys):
-    phases(units, cells=cells)
-    assert run.test("py", {}, run.parse(["test"])) == int(bool(units or cells))
-    assert len(calls) == 2
-    marks = calls[0][calls[0].index("-m", 3) + 1].split(" and ")
-    assert marks == [f"not {name}" for name in run.NOT_QUICK]
+def test_the_quick_tests_need_no_site_and_end_in_a_line(units, cells, phases, capsys):
+    ran = phases(units, cells=cells)
+    assert testing.main([]) == int(bool(units or cells))
+    assert len(ran) == 2
+    assert mark_of(ran[0]).split(" and ") == [f"not {name}" for name in testing.NOT_QUICK]
     last = capsys.readouterr().out.splitlines()[-1]
     assert last.startswith("FAILED" if units or cells else "Passed")
     assert last.count("FAILED ") == bool(units or cells) + bool(units) + bool(cells)
     assert "16 passed" in last or units and cells
-    assert "test --all" in last and all(name in last for name in run.NOT_QUICK)
+    assert "test --all" in last and all(name in last for name in testing.NOT_QUICK)
 
 
 @pytest.mark.parametrize("wrong", [{}, {"site": 1}, {"units": 1}, {"pages": 4}, {"cells": 1}])
-def test_all_of_it_runs_and_each_phase_can_fail(wrong, calls, phases, capsys):
-    phases(**wrong)
-    assert run.test("py", {}, run.parse(["test", "--all"])) == bool(wrong)
-    assert calls[:2] == [["extras"], ["book"]] and len(calls) == 5
-    left = [command[command.index("-m", 3) + 1] for command in calls[2:4]]
-    assert left == ["not browser", "browser"]  # together all there are
+def test_all_of_it_runs_and_each_phase_can_fail(wrong, phases, capsys):
+    ran = phases(**wrong)
+    assert testing.main(["--all"]) == bool(wrong)
+    assert ran[:2] == [["extras"], ["ptae_lite.book.site"]] and len(ran) == 5
+    assert [mark_of(one) for one in ran[2:4]] == ["not browser", "browser"]  # all there are
     last = capsys.readouterr().out.splitlines()[-1]
     assert ("FAILED" in last) == bool(wrong) and "Left out" not in last
     assert ("logs" in last) == ("pages" in wrong)
@@ -382,65 +413,81 @@ def test_all_of_it_runs_and_each_phase_can_fail(wrong, calls, phases, capsys):
 def test_the_markers_are_those_of_the_project():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
     markers = [line.split(":")[0] for line in project["tool"]["pytest"]["ini_options"]["markers"]]
-    assert markers == list(run.NOT_QUICK)
-    assert set(run.EXTRAS) < set(project["project"]["optional-dependencies"])
+    assert markers == list(testing.NOT_QUICK)
+    assert set(testing.EXTRAS) < set(project["project"]["optional-dependencies"])
 
 
-def test_extras_are_installed_once_and_change_nothing_pinned(calls, root, monkeypatch, capsys):
-    python = run.venv_python(root)
+def test_extras_are_installed_once_and_change_nothing_pinned(root, monkeypatch, capsys):
+    ran = []
     text = '[project.optional-dependencies]\nbert = ["a==1"]\ncluster = ["b==2"]\ncourse = []\n'
     (root / "pyproject.toml").write_text(text)
-    monkeypatch.setattr(run, "call", lambda *_, **__: 1)
-    run.ensure_extras(python, {}, root)
-    assert str(Path("build", "logs", "extras.log")) in capsys.readouterr().out
-    monkeypatch.setattr(run, "call", lambda command, *_, **__: calls.append(command) or 0)
+    monkeypatch.setattr(testing, "call", lambda *_, **__: 1)
+    testing.ensure_extras(root)
+    assert "build/logs/extras.log" in capsys.readouterr().out
+    monkeypatch.setattr(testing, "call", lambda *words, **_: ran.append(list(words)) or 0)
     for _ in range(2):
-        run.ensure_extras(python, {}, root)
-    (command,) = calls
+        testing.ensure_extras(root)
+    (command,) = ran
     assert command[-4:] == ["-c", "environment.txt", "a==1", "b==2"]
+    (root / "environment.txt").write_text("numpy==2.0\n")
+    testing.ensure_extras(root)
+    assert len(ran) == 2
 
 
 @pytest.mark.parametrize("status", [0, 5])
-def test_with_arguments_only_those_tests_run(status, calls, monkeypatch):
-    monkeypatch.setattr(run, "call", lambda command, env: calls.append(command) or status)
-    assert run.test("py", {}, run.parse(["test", "--", "-k", "words"])) == bool(status)
-    (command,) = calls
-    assert command[-2:] == ["-k", "words"] and "--nbval-lax" not in command
+def test_with_arguments_only_those_tests_run(status, monkeypatch):
+    ran = []
+    monkeypatch.setattr(testing, "call", lambda *words: ran.append(words) or status)
+    assert testing.main(["--", "-k", "words"]) == bool(status)
+    (command,) = ran
+    assert command[-2:] == ("-k", "words") and "--nbval-lax" not in command
 
 
-def test_jupyterlab_is_reachable_from_this_machine_only(calls):
-    run.lab("py", {}, run.parse(["lab"]))
-    assert "--ip=127.0.0.1" in calls[0]
+def test_the_tests_log_what_concerns_no_reader_and_give_pytests_status(monkeypatch, tmp_path):
+    monkeypatch.setattr(testing, "ROOT", tmp_path)
+    (tmp_path / "ends.py").write_text("import sys; print('noise', file=sys.stderr); sys.exit(3)")
+    assert testing.call("ends", log="unit") == 3
+    assert (tmp_path / "build" / "logs" / "unit.log").read_text().split() == ["noise"]
 
 
-def test_the_course_goes_where_the_reader_is(calls, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert run.course("py", {}, run.parse(["course", "mine", "--seed", "7"])) == 0
-    assert calls == [
-        ["py", "-m", "ptae_lite.book.course", str(tmp_path / "mine"), "--seed", "7"]
-    ]  # fmt: skip
+@pytest.mark.parametrize("job", ["book", "test"])
+def test_the_tier_reaches_what_a_job_starts(job, monkeypatch, phases):
+    monkeypatch.setenv("PTAE_TIER", "replay")
+    tiers, module = [], importlib.import_module(run.JOBS[job][0])
+    phases()
+    monkeypatch.setattr(site, "build", lambda *_: tiers.append(os.environ["PTAE_TIER"]))
+    monkeypatch.setattr(testing, "run_phases", lambda _: tiers.append(os.environ["PTAE_TIER"]) or 0)
+    module.main(["--tier", "quick"])
+    assert tiers == ["quick"]
 
 
-def test_the_library_knows_the_same_tiers():
-    from ptae_lite import run_mode
+def test_jupyterlab_is_reachable_from_this_machine_only(calls, environment):
+    run.main(["lab", "--", "--no-browser"])
+    assert "--ip=127.0.0.1" in calls[0] and calls[0][-1] == "--no-browser" and "--" not in calls[0]
 
-    assert tuple(run_mode.TIERS) == run.TIERS
+
+@pytest.mark.parametrize("wrong", [["bok"], [], ["--tier", "quick", "book"]])
+def test_what_is_no_job_ends_before_anything_is_made(wrong, monkeypatch):
+    monkeypatch.setattr(run, "ensure_environment", lambda env: 1 / 0)
+    with pytest.raises(SystemExit) as ended:
+        run.main(wrong)
+    assert ended.value.code == 2
 
 
-def test_arguments(capsys):
-    assert run.parse(["book", "--tier", "full"]).tier == "full"
-    assert run.parse(["book"]).tier is None
-    assert run.parse(["notebooks", "01_simulation"]).names == ["01_simulation"]
-    assert run.parse(["test", "--all"]).all
-    for wrong in (
-        ["test", "--all", "--", "-k", "x"],
-        ["book", "--tier", "slow"],
-        ["bok"],
-        [],
-        ["book", "--", "-k"],
-    ):
-        with pytest.raises(SystemExit):
-            run.parse(wrong)
+@pytest.mark.parametrize(
+    ("job", "wrong"),
+    [
+        ("test", ["--all", "--", "-k", "x"]),
+        ("book", ["--tier", "slow"]),
+        ("book", ["--", "-k"]),
+        ("full", ["--sedes", "1"]),
+        ("certify", ["mine.json"]),
+    ],
+)
+def test_what_a_job_does_not_understand_is_refused(job, wrong, monkeypatch):
+    with pytest.raises(SystemExit) as ended:
+        importlib.import_module(run.JOBS[job][0]).main(wrong)
+    assert ended.value.code == 2
 
 
 def test_a_child_gets_the_environment_and_gives_its_status():

@@ -19,7 +19,7 @@ def sphinx(monkeypatch):
             book, html = command[-2:]
             target = site.Path(html)
             target.mkdir(parents=True)
-            (target / "index.html").write_text(f"of {book}")
+            (target / "index.html").write_text(f"of {site.Path(book).name}")
             for name, chapter in (times or {}).items():
                 show(name, chapter)
             if ends:
@@ -35,7 +35,7 @@ def test_a_new_site_takes_the_place_of_the_old_one(sphinx, tmp_path, capsys):
     for book in ("first", "second"):
         sphinx(times={"01_new": {"seconds": 2, "traceback": ""}})
         assert site.main(["--out", str(tmp_path), "--book", book]) == 0
-        chapter, where = capsys.readouterr().out.splitlines()
+        *_, chapter, where = capsys.readouterr().out.splitlines()
         assert chapter.split() == ["01_new", "ran", "in", "2.0", "s"] and "index.html" in where
     assert (tmp_path / "html/index.html").read_text() == "of second"
     assert sorted(path.name for path in tmp_path.iterdir()) == [

@@ -1,4 +1,4 @@
-"""The command line: `python -m ptae_lite record|features|train|evaluate|study`.
+"""The command line: `python -m ptae_lite COMMAND`; the table `COMMANDS` holds the commands.
 
 Every command shows its progress on the error stream, and with `--json` prints one line of results.
 """
@@ -164,82 +164,85 @@ def do_study(options) -> dict:
         return STUDIES[options.name].command(options)
 
 
-def add_studies(parser: argparse.ArgumentParser) -> None:
-    """A parser for each of `STUDIES`."""
-    studies = parser.add_subparsers(dest="name", required=True, metavar="NAME")
+def record_options(made: argparse.ArgumentParser) -> None:
+    made.add_argument("--out", default=RECORDING, help="folder to record into, or to go on with")
+    made.add_argument("--workers", type=whole_number(1), default=2, help="processes side by side")
+
+
+def features_options(made: argparse.ArgumentParser) -> None:
+    made.add_argument("--data", default=RECORDING, help="a recording's folder")
+    made.add_argument("--encoder", help="weights of a CAE (default: the stored one)")
+    made.add_argument("--threads", type=whole_number(1), default=2, help="threads for the CAE")
+
+
+def train_options(made: argparse.ArgumentParser) -> None:
+    made.add_argument("model", choices=TRAINED, help="what to train")
+    data_options(made)
+    made.add_argument("--seed", type=whole_number(0), default=0, help="seed of weights and batches")
+    made.add_argument("--epochs", type=int, help="epochs, but of a CAE (default: the recipe's)")
+    made.add_argument("--labelled", type=float, metavar="PERCENT",
+                      help="share of the training samples that have a label")  # fmt: skip
+    made.add_argument("--held-out", action="store_true",
+                      help="keep the held-out patterns aside and score on them")  # fmt: skip
+    made.add_argument("--steps", type=int, help="steps of a CAE (default: the recipe's)")
+    made.add_argument(
+        "--code", type=whole_number(1), default=10, help="features of a CAE (a channel)"
+    )
+    made.add_argument("--set", action="append", metavar="NAME=VALUE",
+                      help="a size or choice of the model, such as queries=action")  # fmt: skip
+    made.add_argument(
+        "--threads", type=whole_number(1), default=1, help="threads inside one training"
+    )
+    made.add_argument("--device", default="cpu", help="cpu, or a GPU such as cuda")
+    made.add_argument("--out", help="safetensors file to write (default: build/weights/MODEL)")
+
+
+def evaluate_options(made: argparse.ArgumentParser) -> None:
+    made.add_argument("weights", help="safetensors file that `train` wrote")
+    data_options(made)
+    made.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
+    made.add_argument("--threads", type=whole_number(1), default=1, help="threads")
+
+
+def study_options(made: argparse.ArgumentParser) -> None:
+    """A parser for each of `STUDIES`, with the options that it understands."""
+    studies = made.add_subparsers(dest="name", required=True, metavar="NAME")
     for name, study in STUDIES.items():
-        text = study.__doc__.strip().splitlines()[0]
-        made = studies.add_parser(
-            name, help=text, description=text,
-            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-        )  # fmt: skip
-        made.add_argument("--json", action="store_true", help="print one line of JSON")
-        study.add_options(made)
-        made.add_argument(
+        one = subparser(studies, name, study.__doc__.strip().splitlines()[0])
+        one.add_argument("--json", action="store_true", help="print one line of JSON")
+        study.add_options(one)
+        one.add_argument(
             "--threads", type=whole_number(1), default=1, help="threads inside one training"
         )
-        made.add_argument("--out", default="build/results", help="folder of the tables")
+        one.add_argument("--out", default="build/results", help="folder of the tables")
+
+
+COMMANDS = {  # the name of each, what does it, what declares its options, and its line in the help
+    "record": (do_record, record_options, "Record all 864 samples with the simulated robot."),
+    "features": (do_features, features_options, "Turn all recorded frames into CAE features."),
+    "train": (do_train, train_options, "Train a model and write its weights."),
+    "evaluate": (do_evaluate, evaluate_options, "Score a trained model, in percent."),
+    "study": (do_study, study_options, "Run an experiment; rows that are there are not run again."),
+}
+
+
+def subparser(parsers, name: str, text: str) -> argparse.ArgumentParser:
+    shown = argparse.ArgumentDefaultsHelpFormatter
+    return parsers.add_parser(name, help=text, description=text, formatter_class=shown)
 
 
 def parser() -> argparse.ArgumentParser:
-    main = argparse.ArgumentParser(
+    known = argparse.ArgumentParser(
         prog="python -m ptae_lite", description="Record, train and evaluate PTAE-lite's models."
     )
-    commands = main.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    def command(name, run, text, json=True):
-        made = commands.add_parser(
-            name,
-            help=text,
-            description=text,
-            formatter_class=argparse.ArgumentDefaultsHelpFormatter,
-        )
+    commands = known.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (run, add_options, text) in COMMANDS.items():
+        made = subparser(commands, name, text)
         made.set_defaults(run=run)
-        if json:
+        if name != "study":  # whose own commands have it
             made.add_argument("--json", action="store_true", help="print one line of JSON")
-        return made
-
-    record = command("record", do_record, "Record all 864 samples with the simulated robot.")
-    record.add_argument("--out", default=RECORDING, help="folder to record into, or to go on with")
-    record.add_argument("--workers", type=whole_number(1), default=2, help="processes side by side")
-
-    features = command("features", do_features, "Turn all recorded frames into CAE features.")
-    features.add_argument("--data", default=RECORDING, help="a recording's folder")
-    features.add_argument("--encoder", help="weights of a CAE (default: the stored one)")
-    features.add_argument("--threads", type=whole_number(1), default=2, help="threads for the CAE")
-
-    train = command("train", do_train, "Train a model and write its weights.")
-    train.add_argument("model", choices=TRAINED, help="what to train")
-    data_options(train)
-    train.add_argument(
-        "--seed", type=whole_number(0), default=0, help="seed of weights and batches"
-    )
-    train.add_argument("--epochs", type=int, help="epochs, but of a CAE (default: the recipe's)")
-    train.add_argument("--labelled", type=float, metavar="PERCENT",
-                       help="share of the training samples that have a label")  # fmt: skip
-    train.add_argument("--held-out", action="store_true",
-                       help="keep the held-out patterns aside and score on them")  # fmt: skip
-    train.add_argument("--steps", type=int, help="steps of a CAE (default: the recipe's)")
-    train.add_argument(
-        "--code", type=whole_number(1), default=10, help="features of a CAE (a channel)"
-    )
-    train.add_argument("--set", action="append", metavar="NAME=VALUE",
-                       help="a size or choice of the model, such as queries=action")  # fmt: skip
-    train.add_argument(
-        "--threads", type=whole_number(1), default=1, help="threads inside one training"
-    )
-    train.add_argument("--device", default="cpu", help="cpu, or a GPU such as cuda")
-    train.add_argument("--out", help="safetensors file to write (default: build/weights/MODEL)")
-
-    test = command("evaluate", do_evaluate, "Score a trained model, in percent.")
-    test.add_argument("weights", help="safetensors file that `train` wrote")
-    data_options(test)
-    test.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
-    test.add_argument("--threads", type=whole_number(1), default=1, help="threads")
-
-    text = "Run an experiment; rows that are there are not run again."
-    add_studies(command("study", do_study, text, json=False))
-    return main
+        add_options(made)
+    return known
 
 
 def main(arguments=None) -> int:

@@ -14,6 +14,11 @@ from ptae_lite.errors import FileError
 PART = ".part"  # what is being written stands beside its place, in NAME.PROCESS.part
 
 
+def as_called(path) -> Path:
+    """A path that a reader gave, from the folder in which `run.py` was called, if it was."""
+    return Path(os.environ.get("PTAE_CALLED_FROM", ""), path).absolute()
+
+
 @contextmanager
 def atomic_write(path):
     """A path to write to, beside `path`, which takes its place when all of it is there.

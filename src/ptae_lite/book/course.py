@@ -1,4 +1,4 @@
-"""Make the course's notebooks from its exercises: `python -m ptae_lite.book.course OUT`.
+"""Make the course's notebooks from its exercises: `python3 run.py course OUT`.
 
 `book/exercises/NN_name.md` holds the exercises of chapter NN: questions, answers, checks, and
 mistakes that readers make. From it come two notebooks: the student's, with stubs, and the
@@ -33,6 +33,7 @@ from nbformat import NotebookNode
 from ptae_lite.book import notebooks
 from ptae_lite.book.chapters import chapter_names
 from ptae_lite.errors import ArtefactError, PTAEError
+from ptae_lite.files import as_called
 from ptae_lite.pipes import piped
 
 FOLDER = Path("book", "exercises")
@@ -252,13 +253,19 @@ class Table:
         return f'<table class="contents"><thead><tr>{heads}</tr></thead>{rows}</table>'
 
 
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(
+        prog="run.py course", description="Write the student's and instructor's notebooks."
+    )
+    made.add_argument("out", type=as_called, metavar="OUT", help="a new folder")
+    made.add_argument("--seed", type=int, default=0, help="other numbers in the exercises")
+    return made
+
+
 def main(argv: list[str]) -> int:
-    parser = argparse.ArgumentParser(description="Write the student's and instructor's notebooks.")
-    parser.add_argument("out", metavar="OUT", help="a new folder")
-    parser.add_argument("--seed", type=int, default=0, help="other numbers in the exercises")
-    args = parser.parse_args(argv)
+    args = parser().parse_args(argv)
     try:
-        written = write(Path(args.out), seed=args.seed)
+        written = write(args.out, seed=args.seed)
     except (PTAEError, OSError) as error:
         print(error, file=sys.stderr)
         return 1

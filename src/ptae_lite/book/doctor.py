@@ -268,13 +268,17 @@ def report(findings: list[Finding]) -> str:
     return "\n".join([*lines, "", ending])
 
 
-def main(arguments=None) -> int:
-    parser = argparse.ArgumentParser(prog="run.py doctor", description=__doc__.split("\n\n")[0])
-    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
-    parser.add_argument(
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(prog="run.py doctor", description=__doc__.split(":")[0] + ".")
+    made.add_argument("--json", action="store_true", help="print the findings as JSON")
+    made.add_argument(
         "--line-endings", action="store_true", help="mend stored files that have other line ends"
     )
-    options = parser.parse_args(arguments)
+    return made
+
+
+def main(arguments=None) -> int:
+    options = parser().parse_args(arguments)
     if options.line_endings:
         for name in mend_line_endings():
             print(f"mended   data/{name}")

@@ -1,4 +1,4 @@
-"""Write the notebook twins of the chapters: `python -m ptae_lite.book.notebooks [NAME ...]`.
+"""Write the notebook twins of the chapters: `python3 run.py notebooks [NAME ...]`.
 
 A chapter is a pair. `NN_name.md` (MyST Markdown) is the source that people edit and review;
 `NN_name.ipynb` has the same cells with their outputs, for readers who look at the notebook where
@@ -211,12 +211,18 @@ def compare(md: Path, ipynb: Path) -> list[str]:
     return differences
 
 
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(
+        prog="run.py notebooks", description="Run chapters and write their .ipynb twins."
+    )
+    made.add_argument("names", nargs="*", metavar="NAME", help="chapters, such as 01_simulation")
+    made.add_argument("--from", dest="side", choices=("md", "ipynb"),
+                      help="whose cells to keep where the .ipynb alone was edited")  # fmt: skip
+    return made
+
+
 def main(argv: list[str]) -> int:
-    parser = argparse.ArgumentParser(description="Run chapters and write their .ipynb twins.")
-    parser.add_argument("names", nargs="*", metavar="NAME", help="chapters, such as 01_simulation")
-    parser.add_argument("--from", dest="side", choices=("md", "ipynb"),
-                        help="whose cells to keep where the .ipynb alone was edited")  # fmt: skip
-    args = parser.parse_args(argv)
+    args = parser().parse_args(argv)
     book = Path("book")
     try:
         chosen = chapter_files(book, args.names)

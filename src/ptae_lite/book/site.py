@@ -1,4 +1,4 @@
-"""Run every chapter and build the site: `python -m ptae_lite.book.site`.
+"""Run every chapter and build the site: `python3 run.py book`.
 
 The new site is built beside the old one and takes its place when Sphinx has come to its end; a
 build that is stopped leaves the old one as it was. What Sphinx and the kernels say goes to a log.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -15,11 +16,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from ptae_lite import run_mode
 from ptae_lite.artefacts import ROOT
 from ptae_lite.book.chapters import notice
 from ptae_lite.book.machine import CHAPTER_GB
 from ptae_lite.cli import guarded
-from ptae_lite.files import file_lock
+from ptae_lite.files import as_called, file_lock
 from ptae_lite.pipes import piped
 
 TIMES = "chapter_times.json"
@@ -112,17 +114,29 @@ def chapter_lines(name: str, chapter: dict) -> list[str]:
     return [f"{name:<26} {state} {seconds:.1f} s", *("    " + line for line in tail)]
 
 
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(prog="run.py book", description=__doc__.split(":")[0] + ".")
+    made.add_argument("--tier", choices=run_mode.TIERS, help="stored results, short or full runs")
+    made.add_argument("--out", type=as_called, default=Path("build"), help="folder that gets html/")
+    made.add_argument(
+        "--book", type=as_called, default=ROOT / "book", help="folder of the chapters"
+    )
+    return made
+
+
 def main(arguments=None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.split(":")[0])
-    parser.add_argument("--out", default="build", help="folder that gets html/")
-    parser.add_argument("--book", default=str(ROOT / "book"), help="folder of the chapters")
-    options = parser.parse_args(arguments)
+    options = parser().parse_args(arguments)
     log = Path(options.out, LOG)
+    if options.tier:
+        os.environ["PTAE_TIER"] = options.tier
 
     def show(name: str, chapter: dict) -> None:
         print("\n".join(chapter_lines(name, chapter)), flush=True)
 
     def work() -> int:
+        print(
+            f"Running every chapter (tier {run_mode.tier()}) and building the site ...", flush=True
+        )
         if line := notice(Path(options.book)):
             print(line, flush=True)
         built = build(options.out, options.book, show)

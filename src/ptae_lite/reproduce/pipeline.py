@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
-from ptae_lite import devices
+from ptae_lite import artefacts, devices
 from ptae_lite.cli import guarded, refuse_data, whole_number
-from ptae_lite.files import file_lock
+from ptae_lite.files import as_called, file_lock
 from ptae_lite.pipes import piped
 from ptae_lite.reproduce import report
 from ptae_lite.reproduce.rerun import Rerun, Settings
@@ -20,16 +19,25 @@ from ptae_lite.reproduce.stages import STAGES, Stage
 from ptae_lite.reproduce.view import duration
 
 
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(prog="run.py full", description=__doc__.split(":")[0] + ".")
+    made.add_argument(
+        "--out", type=as_called, default=artefacts.ROOT / "build" / "full",
+        help="folder, new or to go on with (default: build/full)",
+    )  # fmt: skip
+    made.add_argument(
+        "--seeds", type=whole_number(1), default=3, help="trainings of each kind (default: 3)"
+    )
+    made.add_argument("--device", default="auto", help="of the CAEs: cpu, cuda, or auto")
+    made.add_argument("--plan", action="store_true", help="only show what would be done")
+    return made
+
+
 def main(arguments=None, stages: tuple[Stage, ...] = STAGES) -> int:
-    parser = argparse.ArgumentParser(prog="run.py full", description=__doc__.split(":")[0])
-    parser.add_argument("--out", default="build/full", help="folder, new or to go on with")
-    parser.add_argument("--seeds", type=whole_number(1), default=3, help="trainings of each kind")
-    parser.add_argument("--device", default="auto", help="of the CAEs: cpu, cuda, or auto")
-    parser.add_argument("--plan", action="store_true", help="only show what would be done")
-    options = parser.parse_args(arguments)
+    options = parser().parse_args(arguments)
 
     def work() -> int:
-        out = Path(options.out).absolute()
+        out = options.out
         refuse_data(out, "build/full")
         settings = Settings(out, options.seeds, devices.choose(options.device))
         if options.plan:
