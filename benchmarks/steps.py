@@ -40,8 +40,8 @@ def some_batches(samples, model: str):
     for part, signals in islice(epoch, WARM_UP + STEPS):
         words = torch.from_numpy(rng.integers(0, 8, len(part)))
         yield tuple(
-            build(source, torch.from_numpy(part), signals, words, hold)
-            for hold in (recipe.hold, MAX_STEPS)
+            build(source, torch.from_numpy(part), signals, words, hold_steps)
+            for hold_steps in (recipe.hold_steps, MAX_STEPS)
         )
 
 

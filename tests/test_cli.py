@@ -256,10 +256,10 @@ def test_an_error_is_one_sentence(refusal, tmp_path, monkeypatch, arguments, mes
 
 
 def test_a_choice_of_the_model_is_set_by_name(result, few_stored, small_training, tmp_path):
-    settings = ["--set", "queries=action", "--set", "clock=true", "--set", "hidden=64"]
+    settings = ["--set", "queries=action", "--set", "frame_positions=true", "--set", "hidden=64"]
     result("train", "ptae", *settings, "--set", "dropout=0", "--out", tmp_path / "w.safetensors")
     config = small_training[0][1]["config"]
-    assert (config.queries, config.clock, config.hidden, config.dropout) == ("action", True, 64, 0)
+    assert (config.queries, config.frame_positions, config.hidden, config.dropout) == ("action", True, 64, 0)
     assert config.features == few_stored.features.shape[2]
 
 
@@ -268,7 +268,7 @@ def test_a_choice_of_the_model_is_set_by_name(result, few_stored, small_training
     [
         ("colour=red", "ptae has no setting 'colour'; it has features, joints, hidden"),
         ("hidden=wide", "hidden is a whole number, not 'wide'"),
-        ("clock=maybe", "clock is true or false, not 'maybe'"),
+        ("frame_positions=maybe", "frame_positions is true or false, not 'maybe'"),
         ("queries=all", "queries is 'all'; it can be language, action, both"),
         ("hidden=0", "hidden is 0; it must be 1 or more"),
         pytest.param("language_encoder=bert", "holds no BERT", marks=pytest.mark.extras),

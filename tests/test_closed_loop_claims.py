@@ -64,7 +64,7 @@ def test_the_papers_ptae_fails_most_though_its_error_is_the_smallest(table, rate
     assert middle.idxmin() == "ptae" == done.max().idxmin() == error.idxmin()[0]
     assert done.min()["ptae"] > 12 and done.max()["ptae"] < 16
     assert 1.5 < middle["one_look_policy"] / middle["ptae"] < 2
-    watching = ["noisy_video", "watching_policy", "ptae"]
+    watching = ["noisy_video", "ptae", "watching_policy"]
     assert sorted(set(error[error < 2].index.get_level_values("model"))) == watching
     assert error[watching].max() < 2 and done.max()[watching].max() < 50
     assert of(table, "ptae").query("success == 0")["reason"].mode()[0] == "the other cube was moved"

@@ -42,7 +42,7 @@ def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_p
         own = study.experiment_of(recorded, model, 2)
         other = family.experiment_of(recorded, "recording", variant, 2)
         assert own == other and (own.hash, own.file) == (other.hash, other.file)
-    assert own.file == "ptae_first_frame_only_seed2.safetensors"
+    assert own.file == "ptae_frozen_video_seed2.safetensors"
     own = study.experiment_of(recorded, "watching_policy", 0)
     assert own.file == "ptae_open_eyes_seed0.safetensors"
     assert study.experiment_of(recorded, "dagger", 0).base == own
@@ -106,7 +106,7 @@ def test_no_more_than_that_is_acted_out(simulator, quick, recorded, tmp_path, mo
 
 @pytest.mark.parametrize("names", [{"models": ("deaf",)}, {"conditions": ("drunk",)}])
 def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_path, names):
-    with pytest.raises(ConfigError, match="no (model 'deaf'.*blind|condition 'drunk'.*displaced)"):
+    with pytest.raises(ConfigError, match="no (model 'deaf'.*one_look_policy|condition 'drunk'.*displaced)"):
         study.study(recorded, tmp_path, tmp_path, **names)
     assert not any(tmp_path.iterdir())
 
@@ -149,7 +149,7 @@ def kept(simulator):
     """Two episodes of a model that knows nothing, given up after a few frames."""
     torch.manual_seed(0)
     samples = load_samples()
-    config = PTAEConfig(**TINY, freeze_video=True, padded=False, condition_on_code=True)
+    config = PTAEConfig(**TINY, freeze_video=True, pad_still_frame=False, condition_on_code=True)
     from ptae_lite.data.scaling import fit_scaling
     from ptae_lite.models.ptae import PTAE
 

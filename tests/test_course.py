@@ -284,7 +284,7 @@ def test_the_numbers_of_the_loops_answers_are_those_of_its_table(played):
     near = [loop["rightness"](one) for one in loop["known"]]
     assert len(new) == 12 and round(min(far), 2) == 0.10 and round(max(far), 2) == 0.87
     assert max(min(abs(u), abs(u - 1)) for u in near) < 0.045
-    by_text = {one.told: one for one in new}
+    by_text = {one.instruction: one for one in new}
     for text, at in (("push green fast", 0.85), ("push yellow slowly", 0.37)):
         assert round(loop["rightness"](by_text[text]), 2) == at
         assert by_text[text].verdict.reason == "the other cube was moved"

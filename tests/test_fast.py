@@ -15,7 +15,7 @@ def mixed(request, source):
     """Three samples, two slow and a fast one, under each signal."""
     numbers = torch.tensor([signal_number(s) for s in SIGNALS for _ in range(3)])
     indices = torch.tensor([0, 500, 70] * 5)
-    batch = build(source, indices, numbers, torch.arange(15) % 8, hold=request.param)
+    batch = build(source, indices, numbers, torch.arange(15) % 8, hold_steps=request.param)
     parts = ("keys", "video", "start", "joints")
     return replace(batch, **{name: getattr(batch, name).double() for name in parts})
 
@@ -84,7 +84,7 @@ def test_a_fast_pvae_equals_the_readable_one(mixed, kind, monkeypatch):
             patch.setattr(fast, "encode_fast", RecurrentEncoder.__call__)
             patch.setattr(
                 fast,
-                "act",
+                "decode_fast",
                 lambda decoder, code, b: decoder(code, b.video, b.start) * b.step_mask[..., None],
             )
             return model.loss(batch)

@@ -52,7 +52,7 @@ def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
         )
 
     monkeypatch.setattr(batches, "build", build)
-    training.train(few, Recipe(epochs=20, batch=8, congruent_input=0.25), config=tiny)
+    training.train(few, Recipe(epochs=20, batch=8, p_congruent_input=0.25), config=tiny)
     assert torch.cat(given).float().mean() == pytest.approx(0.25, abs=0.06)
     given.clear()
     training.train(few, Recipe(epochs=1, batch=8), config=tiny)
@@ -61,7 +61,7 @@ def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
 
 @pytest.mark.parametrize("congruent_input", [-0.1, 1.5])
 def test_a_wrong_share_of_extra_input_is_refused(congruent_input):
-    with pytest.raises(ConfigError, match=f"extra is {congruent_input}; it is a share from 0 to 1"):
+    with pytest.raises(ConfigError, match=f"p_congruent_input is {congruent_input}; it is a share from 0 to 1"):
         Recipe(p_congruent_input=congruent_input)
 
 

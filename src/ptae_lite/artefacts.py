@@ -14,7 +14,7 @@ import os
 import platform
 import shutil
 import subprocess
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -127,7 +127,8 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "versions": {"python": platform.python_version()} | _versions(),
     }
     if path.suffix == ".safetensors":  # of which experiment; those of before it had a hash say so
-        entries[name]["experiment"] = load_weights(path)[1].get("experiment", EARLIER)
+        with suppress(ArtefactError):  # whoever loads the file is told what is wrong with it
+            entries[name]["experiment"] = load_weights(path)[1].get("experiment", EARLIER)
     _write_manifest(entries, data)
     return entries[name]
 

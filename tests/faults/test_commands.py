@@ -127,7 +127,7 @@ def test_a_study_into_the_stored_tables(refused):
 
 
 def test_a_second_study_of_one_table(refused, tmp_path):
-    with files.alone(tmp_path / "family"), unchanged(tmp_path):
+    with files.file_lock(tmp_path / "family"), unchanged(tmp_path):
         message = refused("study", "family", "--out", tmp_path)
     assert "another run is at work on" in message and "wait until it ends" in message
 
@@ -135,7 +135,7 @@ def test_a_second_study_of_one_table(refused, tmp_path):
 def test_features_of_a_recording_that_is_at_work(refused, tmp_path, monkeypatch):
     monkeypatch.setattr(recorder, "check_ours", lambda *_, **__: {})
     folder = tmp_path / "recording"
-    with files.alone(folder), unchanged(tmp_path):
+    with files.file_lock(folder), unchanged(tmp_path):
         message = refused("features", "--data", folder)
     assert message.startswith(f"features: another run is at work on {folder}")
 

@@ -237,9 +237,9 @@ def mixup(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) 
 def with_video(batch: Batch, videos: dict[int, Float[Tensor, "99 F"]]) -> Batch:
     """The batch with another video for the action decoder in some places that execute."""
     video, execute = batch.video.clone(), signal_index("execute")
-    for place, video in videos.items():
+    for place, other in videos.items():
         if batch.tokens[place, 0] == execute:
-            video[place] = video
+            video[place] = other
     return replace(batch, video=video)
 
 

@@ -108,6 +108,6 @@ def spread(parts: Iterable[nn.Module], gain: float) -> None:
     """
     for name, matrix in nn.ModuleList(parts).named_parameters():
         if name.endswith("weight"):
-            of_gates = name.endswith(("look.weight", "recall.weight"))
+            of_gates = name.endswith(("weight_ih.weight", "weight_hh.weight"))
             for part in matrix.detach().chunk(4 if of_gates else 1):
                 nn.init.xavier_uniform_(part, gain)
