@@ -291,6 +291,23 @@ def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
     assert (study.folder / "encoders.csv").read_bytes() == before
 
 
+def test_encoders_that_are_stored_are_not_made_again(seen, monkeypatch, tmp_path):
+    stored = pd.read_csv(shutil.copy(artefacts.stored("results/encoders.csv"), tmp_path))
+    there = {name: set(own["samples_seen"]) for name, own in stored.groupby("encoder")}
+    lengths = {name: there[name] & {*own} for name, own in encoders.CHECKPOINTS.items()}
+    assert min(map(len, lengths.values())) >= 3
+    before, made = (tmp_path / "encoders.csv").read_bytes(), []
+    monkeypatch.setattr(frames, "training_images", lambda folder: None)
+    monkeypatch.setattr(encoder_scores, "look", lambda folder, samples: None)
+    monkeypatch.setattr(vision.AutoencoderTrainer, "go", lambda *asked, **_: made.append(asked))
+    monkeypatch.setattr(encoders, "run_pca", lambda *asked: made.append(asked))
+    # What is made of the weights, which are not stored.
+    monkeypatch.setattr(encoders.Bench, "write_features", lambda *_: None)
+    monkeypatch.setattr(encoders, "write_reconstructions", lambda *_: None)
+    encoders.study(seen, "none", tmp_path, tmp_path / "work", checkpoints=lengths)
+    assert not made and (tmp_path / "encoders.csv").read_bytes() == before
+
+
 def test_a_checkpoint_that_has_been_passed_is_refused(study):
     study()
     with pytest.raises(ConfigError, match="trained past 12 presentations; delete .*trunk"):
