@@ -41,14 +41,15 @@ def do_record(options) -> dict:
     folder = Path(options.out)
     refuse_data(folder, RECORDING)
     done = list(folder.glob("sequences/*.npz"))
-    left = 864 - len(done)
+    samples = len(recorder.samples_in_order())
+    left = samples - len(done)
     recorder.record(
         folder,
         workers=options.workers,
         progress=lambda runs: bar(runs, total=left, desc="recording", unit=" samples"),
     )
     frames.write(folder)
-    return {"recording": str(folder), "samples": 864, "recorded_now": left}
+    return {"recording": str(folder), "samples": samples, "recorded_now": left}
 
 
 def do_features(options) -> dict:

@@ -150,9 +150,8 @@ class Pattern:
     @property
     def action_index(self) -> int:
         """0 to 11: which of the 12 actions (action word, side, speed)."""
-        return (
-            6 * SPEEDS.index(self.speed) + 3 * SIDES.index(self.side) + ACTIONS.index(self.action)
-        )
+        in_speed = SPEEDS.index(self.speed) * len(SIDES) + SIDES.index(self.side)
+        return in_speed * len(ACTIONS) + ACTIONS.index(self.action)
 
 
 # The six ordered pairs of one colour family; the second family takes the same six by renaming.
@@ -191,8 +190,10 @@ def patterns() -> tuple[Pattern, ...]:
 
 def pattern(index: int) -> Pattern:
     """The pattern with this index. Raises `LanguageError` where there is none."""
-    if not 0 <= index < 144:
-        raise LanguageError(f"pattern {index} does not exist; patterns are 0 to 143")
+    if not 0 <= index < len(patterns()):
+        raise LanguageError(
+            f"pattern {index} does not exist; patterns are 0 to {len(patterns()) - 1}"
+        )
     return patterns()[index]
 
 

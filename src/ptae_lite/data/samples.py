@@ -204,7 +204,8 @@ def _assemble(arrays: dict, features: dict, data, expected_encoder: str | None) 
     for index, length in zip(arrays["pattern"], frames, strict=True):
         if not 0 <= index < len(patterns()):
             raise RecordingError(
-                f"{data}: pattern {index} does not exist; patterns are 0 to 143; record again"
+                f"{data}: pattern {index} does not exist; patterns are 0 to {len(patterns()) - 1}; "
+                "record again"
             )
         if patterns()[index].frames != length:
             raise RecordingError(

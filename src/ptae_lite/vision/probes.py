@@ -91,7 +91,7 @@ def colours(samples: Samples) -> dict[str, Int[np.ndarray, " S"]]:
 def action_and_side(samples: Samples) -> Int[np.ndarray, " S"]:
     """0 to 5: push, pull, slide on the left, then on the right."""
     of = [patterns()[i] for i in samples.pattern]
-    return np.array([3 * SIDES.index(p.side) + ACTIONS.index(p.action) for p in of])
+    return np.array([len(ACTIONS) * SIDES.index(p.side) + ACTIONS.index(p.action) for p in of])
 
 
 def percent_right(samples: Samples, features, labels, penalty: float = PENALTY) -> float:
