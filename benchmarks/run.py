@@ -142,9 +142,9 @@ def ptae(options) -> list[Row]:
     from ptae_lite.data.samples import load_samples
     from ptae_lite.errors import ArtefactError
     from ptae_lite.evaluation import evaluate
-    from ptae_lite.models import checkpoint
+    from ptae_lite.models import MODELS, checkpoint
 
-    samples, recipe, times = load_samples(), training.RECIPES["ptae"], []
+    samples, recipe, times = load_samples(), MODELS["ptae"].recipe, []
     row, right = Row("training PTAE, 1 thread", 10), Row("PTAE describes the test samples", 95, "%")
     right.at_most = False
     short = recipe if options.full else replace(recipe, epochs=REPEATS)

@@ -95,10 +95,11 @@ def describing(options) -> list[Row]:
     from ptae_lite.data.samples import load_samples
     from ptae_lite.data.signals import Source
     from ptae_lite.evaluation import correct, respond
+    from ptae_lite.models import MODELS
 
     samples, looking = load_samples(), []
     held_out = samples.split("held_out")
-    recipe = replace(training.RECIPES["ptae"], epochs=SHORT_EPOCHS)
+    recipe = replace(MODELS["ptae"].recipe, epochs=SHORT_EPOCHS)
 
     def all_right(trained) -> bool:
         answer = respond(trained, Source(trained.dataset(samples)), held_out, "describe")

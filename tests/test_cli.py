@@ -15,7 +15,7 @@ from ptae_lite import artefacts, training, vision
 from ptae_lite.data import frames
 from ptae_lite.experiments import closed_loop
 from ptae_lite.experiments.registry import STUDIES
-from ptae_lite.models import checkpoint
+from ptae_lite.models import MODELS, checkpoint
 from ptae_lite.robot import recorder
 
 COMMANDS = ("record", "features", "train", "evaluate")
@@ -165,7 +165,7 @@ def test_train_and_evaluate(result, few_stored, small_training, tmp_path, model)
     made = result("train", model, "--epochs", 7, "--seed", 5, "--out", path)
     assert made["weights"] == str(path) and made["steps"] == 3
     ((recipe, options),) = small_training
-    assert recipe == replace(training.RECIPES[model], epochs=7, seed=5)
+    assert recipe == replace(MODELS[model].recipe, epochs=7, seed=5)
     assert options["model"] == checkpoint.load(path).about["kind"] == model
     assert options["split"] == "train" and options["labelled"] is None
     scores = result("evaluate", path)

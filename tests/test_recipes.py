@@ -13,7 +13,7 @@ from ptae_lite.data import batches
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, runner, supervision
 from ptae_lite.experiments.experiment import Labels
-from ptae_lite.training import RECIPES
+from ptae_lite.models import MODELS
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def asked(monkeypatch, trained):
 
 
 def test_each_choice_changes_one_number_of_the_recipe(few):
-    regular = asdict(RECIPES["ptae"])
+    regular = asdict(MODELS["ptae"].recipe)
     for choice, (_, changes) in recipes.CHOICES.items():
         found = recipes.experiment_of(few, "recording", choice, 4)
         assert (found.model, found.split, found.seed) == ("ptae", "fit", 4)
@@ -65,7 +65,7 @@ def test_rows_that_are_stored_are_not_made_again(samples, asked, tmp_path):
 def test_held_out_patterns_take_no_part_in_a_training(samples, small_experiments, monkeypatch):
     """The real thing in small: scored on held-out patterns, trained on the others."""
     seen, scored, build = set(), [], batches.build
-    monkeypatch.setattr(recipes, "REGULAR", replace(RECIPES["ptae"], epochs=1, batch=54))
+    monkeypatch.setattr(recipes, "REGULAR", replace(MODELS["ptae"].recipe, epochs=1, batch=54))
     monkeypatch.setattr(batches, "build", lambda source, samples, *rest: (
         seen.update(samples.tolist()) or build(source, samples, *rest)))  # fmt: skip
     monkeypatch.setattr(supervision, "scores", lambda trained, samples, split: (
@@ -81,4 +81,4 @@ def test_the_command_runs_the_search(few, asked, monkeypatch, capsys, tmp_path):
     options = ["--variants", "slow", "--seeds", "2", "--out", str(tmp_path), "--json"]
     assert cli.main(["study", "recipes", *options]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] == 1
-    assert asked[0].recipe.learning_rate == RECIPES["ptae"].learning_rate / 2
+    assert asked[0].recipe.learning_rate == MODELS["ptae"].recipe.learning_rate / 2

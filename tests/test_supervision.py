@@ -436,7 +436,7 @@ def test_rows_of_the_same_training_are_replaced_and_others_kept_in_order(tmp_pat
 
 def test_the_command_runs_the_study(few, trainings, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda data, holdout: few)
-    monkeypatch.setattr(supervision, "RECIPES", {"ptae": QUICK})
+    monkeypatch.setitem(MODELS, "ptae", MODELS["ptae"]._replace(recipe=QUICK))
     options = ["--models", "ptae", "--shares", "2", "66.6", "--modes", "iterations",
                "--variants", "paper", "--seeds", "3", "--workers", "1", "--out", str(tmp_path),
                "--json"]  # fmt: skip

@@ -7,9 +7,9 @@ from ptae_lite import artefacts
 from ptae_lite.evaluation import CHANCE
 from ptae_lite.experiments import recipes
 from ptae_lite.experiments.supervision import SHARES
+from ptae_lite.models import MODELS
 from ptae_lite.paper import reported
 from ptae_lite.plots import supervision as supervision_plots
-from ptae_lite.training import RECIPES
 
 ACTION_WORD = 7.1  # execute NRMSE of the mean motion of the action word; the chapter prints it
 WORDS = ["action_accuracy", "colour_accuracy", "speed_accuracy"]
@@ -107,9 +107,9 @@ def test_pgae_executes_with_two_thirds_of_the_samples_as_with_all(table):
 
 def test_the_updates_are_those_of_the_page(table):
     regular = supervision_plots.rows_of(table, "ptae", "samples").query("share == 100")
-    assert (regular["steps"] == 1920).all() and RECIPES["ptae"].batch == 27
+    assert (regular["steps"] == 1920).all() and MODELS["ptae"].recipe.batch == 27
     assert 0.01 * reported.STEPS["ptae"] == 2700
-    assert {RECIPES[model].epochs for model in ("ptae", "pgae", "pvae")} == {60, 80}
+    assert {MODELS[model].recipe.epochs for model in ("ptae", "pgae", "pvae")} == {60, 80}
 
 
 def test_pvaes_execute_hardly_notices_what_is_missing(table):

@@ -17,8 +17,6 @@ from ptae_lite.models.checkpoint import Trained, TrainingRecord
 from ptae_lite.models.registry import MODELS
 from ptae_lite.recipe import Recipe
 
-RECIPES = {name: kind.recipe for name, kind in MODELS.items()}
-
 
 def label(train: np.ndarray, share_percent: float, seed: int) -> np.ndarray:
     """Draw the labelled samples: a sorted list of `share_percent` % of `train`, rounded up.

@@ -22,8 +22,8 @@ from ptae_lite.evaluation import correct, evaluate, new_scenes, respond
 from ptae_lite.experiments import options
 from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, check_names, run
+from ptae_lite.models import MODELS
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.training import RECIPES
 
 
 class Variant(NamedTuple):
@@ -47,8 +47,8 @@ VARIANTS = {
     "PTAE, frame positions": Variant("ptae", {"frame_positions": True}),
     "PTAE, no mixup": Variant("ptae", recipe={"mixup": False}),
     "PRAE": Variant("prae"),
-    "PTAE, long": Variant("ptae", recipe={"epochs": 8 * RECIPES["ptae"].epochs}),
-    "PGAE, long": Variant("pgae", recipe={"epochs": 8 * RECIPES["pgae"].epochs}),
+    "PTAE, long": Variant("ptae", recipe={"epochs": 8 * MODELS["ptae"].recipe.epochs}),
+    "PGAE, long": Variant("pgae", recipe={"epochs": 8 * MODELS["pgae"].recipe.epochs}),
 }
 REGULAR = tuple(name for name in VARIANTS if "long" not in name)  # those take half an hour each
 # Sentences of the paper, and the two rows that each is about: what it says is better, and worse.

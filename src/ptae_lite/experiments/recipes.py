@@ -19,11 +19,11 @@ from ptae_lite.experiments import options, supervision
 from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.experiments.supervision import Job
+from ptae_lite.models import MODELS
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.training import RECIPES
 
 SHARE = 10  # percent of the samples that have a label: of 552, 56
-REGULAR = RECIPES["ptae"]
+REGULAR = MODELS["ptae"].recipe
 
 
 class Choice(NamedTuple):

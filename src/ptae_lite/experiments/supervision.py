@@ -32,8 +32,9 @@ from ptae_lite.experiments.experiment import Experiment, Labels, experiment
 from ptae_lite.experiments.labels import chosen, linear_scores
 from ptae_lite.experiments.runner import Study
 from ptae_lite.language import patterns, sentence
+from ptae_lite.models import MODELS
 from ptae_lite.models.checkpoint import Trained
-from ptae_lite.training import RECIPES, Recipe
+from ptae_lite.recipe import Recipe
 
 SHARES = {  # percent: of the 648 training samples, and of the updates
     "samples": (1, 2, 5, 10, 20, 50, 66.6, 100),
@@ -162,7 +163,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
         return None
     if (job.mode, job.model) == ("iterations", "pvae"):
         raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
-    own, labels = asdict(recipe or RECIPES[job.model]), Labels()
+    own, labels = asdict(recipe or MODELS[job.model].recipe), Labels()
     if not job.regular:
         variant = VARIANTS[job.variant]
         own |= variant.recipe | {"epochs": own["epochs"] * variant.times}

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments.supervision import SHARES, Job, examples, fit, scores
 from ptae_lite.language import SYNONYMS, Meaning
+from ptae_lite.models import MODELS
 from ptae_lite.plots import style
 from ptae_lite.plots.supervision import LABELS, MAIN, NAMES, draw_measure, rows_of, shared_legend
-from ptae_lite.training import RECIPES
 from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.train_button import TrainButton
 
@@ -96,7 +96,8 @@ def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) 
 
         job = Job(model, mode, MAIN[mode][0], share, seed)
         try:
-            trained = fit(samples, job, replace(RECIPES[model], epochs=epochs), progress=counted)
+            recipe = replace(MODELS[model].recipe, epochs=epochs)
+            trained = fit(samples, job, recipe, progress=counted)
         except ConfigError as error:
             return str(error)
         tell("trained; now it is scored on the test clips")
