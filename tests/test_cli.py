@@ -259,7 +259,12 @@ def test_a_choice_of_the_model_is_set_by_name(result, few_stored, small_training
     settings = ["--set", "queries=action", "--set", "frame_positions=true", "--set", "hidden=64"]
     result("train", "ptae", *settings, "--set", "dropout=0", "--out", tmp_path / "w.safetensors")
     config = small_training[0][1]["config"]
-    assert (config.queries, config.frame_positions, config.hidden, config.dropout) == ("action", True, 64, 0)
+    assert (config.queries, config.frame_positions, config.hidden, config.dropout) == (
+        "action",
+        True,
+        64,
+        0,
+    )
     assert config.features == few_stored.features.shape[2]
 
 

@@ -44,7 +44,7 @@ def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_p
         assert own == other and (own.hash, own.file) == (other.hash, other.file)
     assert own.file == "ptae_frozen_video_seed2.safetensors"
     own = study.experiment_of(recorded, "watching_policy", 0)
-    assert own.file == "ptae_open_eyes_seed0.safetensors"
+    assert own.file == "watching_policy_seed0.safetensors"
     assert study.experiment_of(recorded, "dagger", 0).base == own
 
 
@@ -68,7 +68,9 @@ def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded,
         set(scores["model"]) == {"one_look_policy", "dagger"}
         and (scores["execute_nrmse"] > 0).all()
     )
-    assert (tmp_path / "w" / "ptae_open_eyes_seed0.safetensors").exists()  # its episodes were taken
+    assert (
+        tmp_path / "w" / "watching_policy_seed0.safetensors"
+    ).exists()  # its episodes were taken
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     study.study(recorded, tmp_path, tmp_path / "w", models, (0,), conditions)
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
@@ -106,7 +108,9 @@ def test_no_more_than_that_is_acted_out(simulator, quick, recorded, tmp_path, mo
 
 @pytest.mark.parametrize("names", [{"models": ("deaf",)}, {"conditions": ("drunk",)}])
 def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_path, names):
-    with pytest.raises(ConfigError, match="no (model 'deaf'.*one_look_policy|condition 'drunk'.*displaced)"):
+    with pytest.raises(
+        ConfigError, match="no (model 'deaf'.*one_look_policy|condition 'drunk'.*displaced)"
+    ):
         study.study(recorded, tmp_path, tmp_path, **names)
     assert not any(tmp_path.iterdir())
 
@@ -235,7 +239,7 @@ def test_pages_get_what_the_table_can_show(kept, tmp_path, monkeypatch):
     episodes.keep(tmp_path, table, samples, tmp_path)
     with np.load(strips, allow_pickle=False) as file:
         assert file["strips"].shape == (6, 5, 120, 160, 3)
-        assert file["texts"].tolist()[0] == "blind: push red fast (done)"
+        assert file["texts"].tolist()[0] == "one_look_policy: push red fast (done)"
     assert (tmp_path / episodes.EPISODES).read_bytes() == stored
 
 

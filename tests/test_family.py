@@ -126,7 +126,11 @@ def test_without_a_gain_weights_start_as_published(kind):
     make, make_config, _ = MODELS[kind]
     for gain, smaller in ((0.0, True), (1.5, False)):
         model = make(make_config(gain=gain))
-        cells = [p for name, p in model.named_parameters() if "weight_hh" in name or "weight_ih.w" in name]
+        cells = [
+            p
+            for name, p in model.named_parameters()
+            if "weight_hh" in name or "weight_ih.w" in name
+        ]
         assert (max(p.abs().max() for p in cells) <= 0.1) == smaller
 
 

@@ -183,8 +183,8 @@ def test_the_stored_panel_shows_live_what_is_stored_of_it(stored):
     view, shown = panel.widget(), set()
     for model in ("ptae", "pgae", "ptae"):
         controls_of(view)["model"].value = model
-        assert view.children[-1].value == panel.face(mode="samples", model=model, share=10)
-        shown.add(view.children[-1].value)
+        assert view.children[-2].value == panel.face(mode="samples", model=model, share=10)
+        shown.add(view.children[-2].value)
     assert len(shown) == 2
 
 

@@ -133,7 +133,7 @@ def experiment_of(samples: Samples, model: str, seed: int, *_) -> Experiment | N
     return experiment(
         samples, "ptae", MODELS[model], None, seed, videos=videos,
         base=experiment_of(samples, base, seed) if base else None,
-        name=OF_FAMILY.get(model, f"PTAE, {model}"),
+        name=OF_FAMILY.get(model, model),
     )  # fmt: skip
 
 

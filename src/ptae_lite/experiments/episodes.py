@@ -139,7 +139,7 @@ def write_strips(path, rows: pd.DataFrame, models: list[Trained], encoder: nn.Mo
     """Keep the film strips of rows of the table, acted by their models, with a line of text."""
     videos = [video(one, encoder, row) for one, row in zip(models, rows.itertuples(), strict=True)]
     texts = [f"{row.model}: {row.sentence} ({row.reason})" for row in rows.itertuples()]
-    write_arrays(path, videos=np.stack(videos), texts=np.array(texts))
+    write_arrays(path, strips=np.stack(videos), texts=np.array(texts))
 
 
 def keep(folder, table: pd.DataFrame, samples: Samples, weights) -> None:
