@@ -69,6 +69,18 @@ def test_a_folder_elsewhere_runs_its_own_library(project, how, name, tmp_path):
     assert shown(project / ".venv/bin/where", cwd=project) == theirs  # and the other is as it was
 
 
+@pytest.mark.parametrize("line", ["export A={}", 'A="{}"', "A=$(echo {})", "A='{}'"])
+def test_a_shell_reads_the_new_path_as_one_word(line, tmp_path):
+    """Python 3.13 writes a path without blanks bare into `activate`."""
+    old, new = tmp_path / "old", tmp_path / "two words"
+    programs = new / "programs"
+    programs.mkdir(parents=True)
+    (programs / "activate").write_text(line.format(old / ".venv") + "\n")
+    installation.settle(programs, old, new)
+    read = shown("sh", "-c", '. programs/activate && echo "$A"', cwd=new)
+    assert read == str(new / ".venv")
+
+
 def test_a_launcher_that_starts_another_python_goes(tmp_path):
     """On Windows a program is a binary with the path of its Python in it."""
     old, new = tmp_path / "old", tmp_path / "new"

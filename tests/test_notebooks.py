@@ -468,7 +468,10 @@ def save_as_jupyterlab(folder, name):
             cell.outputs = [new_output("stream", text=f"run {number}")]
         await manager.save({"type": "notebook", "format": "json", "content": notebook}, name)
 
-    asyncio.run(work())
+    try:
+        asyncio.run(work())
+    finally:
+        manager.notary.store.close()  # a database, of whom the reader trusts
 
 
 @pytest.mark.parametrize("md", CHAPTERS, ids=lambda path: path.stem)

@@ -120,8 +120,9 @@ def test_reading_data_starts_no_process(reader):
 
 def test_reading_data_unpickles_nothing_and_runs_no_text_as_code(reader):
     assert reader["unpickled"] == []
-    # The standard library makes a named tuple's class from a template with checked names.
-    assert set(reader["executed"]) <= {"collections.namedtuple"}
+    # The standard library makes classes of named tuples and dataclasses from checked names.
+    makers = {"collections.namedtuple", "dataclasses.add_fns_to_class"}
+    assert set(reader["executed"]) <= makers
 
 
 def test_without_pybullet_all_is_read_and_only_recording_is_refused(reader):

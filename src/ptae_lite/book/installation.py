@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
+import shlex
 import sys
 import sysconfig
 from pathlib import Path
@@ -35,7 +37,15 @@ def settle(programs: Path, before: Path, root: Path = ROOT) -> None:
         if b"\0" in content:  # a launcher of Windows; what we start is `python -m ...`
             path.unlink()
         else:
-            path.write_bytes(startable(content.replace(old, new)))
+            path.write_bytes(startable(moved(content, old, new)))
+
+
+def moved(script: bytes, old: bytes, new: bytes) -> bytes:
+    """A script with the path `new` for `old`; quoted where a shell reads it bare, as `A=/old`."""
+    word = new if os.name == "nt" else os.fsencode(shlex.quote(os.fsdecode(new)))
+    path = re.escape(old)
+    pattern = rb"((?<=[= ])" + path + rb"(?=[)\s]))|" + path
+    return re.sub(pattern, lambda found: word if found[1] else new, script)
 
 
 def startable(script: bytes) -> bytes:
