@@ -108,9 +108,7 @@ def test_no_more_than_that_is_acted_out(simulator, quick, recorded, tmp_path, mo
 
 @pytest.mark.parametrize("names", [{"models": ("deaf",)}, {"conditions": ("drunk",)}])
 def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_path, names):
-    with pytest.raises(
-        ConfigError, match="no (model 'deaf'.*one_look_policy|condition 'drunk'.*displaced)"
-    ):
+    with pytest.raises(ConfigError, match="no (model 'deaf'.*dagger|condition 'drunk'.*displaced)"):
         study.study(recorded, tmp_path, tmp_path, **names)
     assert not any(tmp_path.iterdir())
 

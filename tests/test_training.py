@@ -61,9 +61,7 @@ def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
 
 @pytest.mark.parametrize("congruent_input", [-0.1, 1.5])
 def test_a_wrong_share_of_extra_input_is_refused(congruent_input):
-    with pytest.raises(
-        ConfigError, match=f"p_congruent_input is {congruent_input}; it is a share from 0 to 1"
-    ):
+    with pytest.raises(ConfigError, match=f"is {congruent_input}; it is a share from 0 to 1"):
         Recipe(p_congruent_input=congruent_input)
 
 
