@@ -57,7 +57,8 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
     env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib dates its SVG files; so every run gets the same
     # Neither time stamps, which differ in every run, nor widget state, which nothing reads later.
     options = {"timeout": TIMEOUT_S, "record_timing": False, "store_widget_state": False}
-    client = NotebookClient(notebook, kernel_name="python3", **options)
+    quiet = ["--IPKernelApp.log_level=40"]  # kernels warn of what holds on this machine alone
+    client = NotebookClient(notebook, kernel_name="python3", extra_arguments=quiet, **options)
     client.execute(cwd=str(folder), env=env)
 
 
