@@ -120,6 +120,7 @@ def number(line_number, place, text):
     return edit
 
 
+@pytest.mark.slow
 def test_the_whole_folder_is_read_in_the_order_of_our_recording(whole):
     samples = load_samples(whole)
     np.testing.assert_array_equal(samples.pattern, np.repeat(np.arange(144), 2))
@@ -336,6 +337,7 @@ def test_their_features_are_whitened_as_ours_unless_the_recipe_says_otherwise(tr
     assert training.Recipe().exponent == HALF_WHITE
 
 
+@pytest.mark.slow
 def test_a_model_is_not_scored_on_patterns_it_was_trained_on(training_part, whole):
     one, two = (load_samples(training_part, holdout=n) for n in (1, 2))
     recipe = training.Recipe(epochs=1, batch=100)
@@ -367,6 +369,7 @@ def command(capsys, monkeypatch):
     return run
 
 
+@pytest.mark.slow
 def test_train_and_evaluate_on_the_whole_folder(command, whole, tmp_path):
     path = tmp_path / "w.safetensors"
     assert command("train", "ptae", "--data", whole, "--out", path)["steps"] == 4
@@ -396,6 +399,7 @@ def test_the_study_of_few_labels_reads_the_folder(command, training_part, tmp_pa
     assert table["describe_accuracy"].notna().all() and table["describe_accuracy"].nunique() > 1
 
 
+@pytest.mark.slow
 def test_from_the_shell_a_refusal_says_what_to_do(command, training_part, tmp_path):
     path, data = tmp_path / "w.safetensors", ("--data", training_part)
     assert "with --holdout N" in command("train", "ptae", *data, "--out", path)

@@ -101,6 +101,7 @@ def test_a_failed_run_is_no_more_accepted_by_the_teacher_than_by_who_made_it(qui
     assert "/home" not in json.dumps(body)
 
 
+@pytest.mark.slow
 def test_two_certificates_of_one_run_are_recognised(quick, times, tmp_path, capsys):
     other = times | {"02_vision": {"seconds": 1.6, "traceback": ""}}
     files = []

@@ -121,6 +121,7 @@ def test_the_notebooks_of_the_chapters_alone_are_written(book, monkeypatch, caps
     assert "1 / 0" in (book / "01_one-Copy1.ipynb").read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_the_notebooks_of_the_chapters_alone_are_tested(book):
     command = [sys.executable, "-m", "pytest", "--nbval-lax", "--collect-only", "-q", "-p",
                "no:cacheprovider", str(book)]  # fmt: skip

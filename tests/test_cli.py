@@ -92,6 +92,7 @@ def test_every_command_has_help(capsys, command):
     assert f"ptae_lite {command}" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_module_runs_and_lists_its_commands():
     run = subprocess.run(
         [sys.executable, "-m", "ptae_lite", "--help"], capture_output=True, text=True, check=True
@@ -306,9 +307,9 @@ def test_without_json_a_result_is_a_table(capsys, few_stored, trained, tmp_path)
 
 
 def test_an_interrupted_command_says_so(capsys, monkeypatch):
-    def stop(options):
+    def stop(path):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "do_evaluate", stop)
+    monkeypatch.setattr(checkpoint, "load", stop)
     assert cli.main(["evaluate", "w"]) == 130
     assert capsys.readouterr().err == "evaluate: stopped; what was finished is kept\n"

@@ -48,6 +48,7 @@ def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_p
     assert study.experiment_of(recorded, "dagger", 0).base == own
 
 
+@pytest.mark.slow
 def test_rows_are_trained_acted_out_and_written_once(simulator, quick, recorded, tmp_path):
     models, conditions = ("one_look_policy", "dagger"), ("replay", "test", "there_and_back")
     table = study.study(recorded, tmp_path, tmp_path / "w", models, (0,), conditions)

@@ -342,6 +342,7 @@ def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(played)
     assert reported.REGULAR["execute_nrmse"].value + MARGIN["% NRMSE"] == pytest.approx(1.49)
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simulator):
     """Exercise 6.3: joints of ten frames ago, by the error and in the simulator."""
     judge = played("06_closed_loop", 0).names["closed_loop"]

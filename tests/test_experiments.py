@@ -32,6 +32,7 @@ def changed(samples, **fields):
     return replace(experiment(samples), **fields)
 
 
+@pytest.mark.slow
 def test_a_hash_is_of_the_content_whatever_the_process_and_the_order(few, capsys):
     env = os.environ | {"PYTHONHASHSEED": "7"}
     other = subprocess.run([sys.executable, "-c", PRINT], capture_output=True, text=True, env=env)

@@ -112,6 +112,7 @@ def test_products_read_what_a_sum_cannot():
         assert low <= 100 * (read.labels(inputs[asked]) == labels[asked]).mean() <= high
 
 
+@pytest.mark.slow
 def test_scores_of_a_split_are_read_from_that_split_alone(seen, pictures):
     """Other pictures for the test samples change no score on held-out ones, and the other way."""
     before = encoder_scores.scores(Reads(), pictures, seen)
@@ -205,6 +206,7 @@ def sum_of(encoder):
     return round(float(sum(p.detach().abs().sum() for p in encoder.parameters())), 4)
 
 
+@pytest.mark.slow
 def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
     table = study((0, 1))
     assert table["encoder"].value_counts().to_dict() == {
@@ -228,6 +230,7 @@ def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
         )
 
 
+@pytest.mark.slow
 def test_a_row_is_what_a_training_of_that_length_gives(study):
     table = study().set_index(encoders.KEY)["sum"]
     images = frames.training_images("none")
@@ -254,6 +257,7 @@ def test_drawings_are_of_each_eye_at_its_longest(study):
     assert splits == {"test"}
 
 
+@pytest.mark.slow
 def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     monkeypatch.setattr(encoders, "LONG", {"separated 3x10": (40, 60), "plain 10": (20, 30)})
     monkeypatch.setitem(encoders.IN_USE, "four times", {"separated 3x10": 40, "plain 10": 40})
@@ -280,6 +284,7 @@ def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
     assert encoders.features_are_of(folder / "features_40.npz", folder / "encoder_40.safetensors")
 
 
+@pytest.mark.slow
 def test_a_study_that_was_stopped_goes_on_to_the_same_table(study):
     whole = study((0,), work="other").drop(columns="seconds")
     (study.folder / "encoders.csv").unlink()

@@ -68,6 +68,7 @@ def test_a_prae_lacks_the_variances_and_the_inputs_for_signals_that_the_publishe
     assert parameters(PVAE(PRAEConfig())) == published - signals * 4 * units
 
 
+@pytest.mark.slow
 def test_the_gate_chooses_between_the_modalities():
     torch.manual_seed(0)
     unit, action, language = GatedUnit(6, 7, 4), torch.randn(3, 6), torch.randn(3, 7)

@@ -254,6 +254,7 @@ def test_what_little_knowledge_gives_is_another_scale_on_each_data_set():
     assert pd.isna(theirs["reference_plan_from_the_true_places"])
 
 
+@pytest.mark.slow
 def test_the_stored_references_are_those_of_the_recording():
     samples = load_samples()
     table = pd.read_csv(artefacts.stored("results/family.csv"))

@@ -27,6 +27,7 @@ def trained_of(asked):
     return [(one.name, one.seed) for one in asked]
 
 
+@pytest.mark.slow
 def test_a_row_and_a_curve_for_each_training(few, quick, tmp_path):
     table = family.study(few, tmp_path, TWO, (0, 1), weights=tmp_path / "weights")
     assert trained_of(quick) == [(name, seed) for seed in (0, 1) for name in TWO]
@@ -44,6 +45,7 @@ def test_a_row_and_a_curve_for_each_training(few, quick, tmp_path):
     assert last["describe_accuracy"].tolist() == scored["describe_accuracy"].tolist()
 
 
+@pytest.mark.slow
 def test_what_is_there_is_not_trained_again(few, quick, tmp_path):
     family.study(few, tmp_path, TWO, (0,))
     before = (tmp_path / "family.csv").read_bytes()
@@ -64,6 +66,7 @@ def test_the_long_trainings_are_made_only_when_they_are_named(few, trained, tmp_
     assert set(named["variant"]) == set(family.VARIANTS)
 
 
+@pytest.mark.slow
 def test_a_curve_that_weights_tell_of_is_not_trained_for(few, quick, tmp_path):
     before = family.study(few, tmp_path / "a", TWO, (0,), tmp_path / "w")
     again = family.study(few, tmp_path / "b", TWO, (0,), tmp_path / "w")
@@ -80,6 +83,7 @@ def test_rows_that_are_stored_are_not_made_again(samples, quick, tmp_path):
     assert not quick and (tmp_path / "family.csv").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_study_stopped_between_its_tables_goes_on(few, quick, tmp_path, monkeypatch):
     real = tables.add
 
@@ -96,6 +100,7 @@ def test_a_study_stopped_between_its_tables_goes_on(few, quick, tmp_path, monkey
     assert len(quick) == 2 and curves["epoch"].tolist() == [5, 6]
 
 
+@pytest.mark.slow
 def test_workers_give_the_rows_that_one_process_gives(tmp_path):
     """Side by side, results come in any order; the table does not show it."""
     kept = []

@@ -40,6 +40,7 @@ def table(samples, trained):
     return incongruence_table.rows_of(trained, samples, 0, "held_out")
 
 
+@pytest.mark.slow
 def test_the_table_has_a_row_for_every_condition(table):
     rows = list(zip(table["signal"], table["conflict_in"], table["aspects"], strict=True))
     assert len(rows) == len(set(rows)) == 69
@@ -77,6 +78,7 @@ def test_every_answer_follows_someone(table):
         assert [not np.isnan(share) for share in taken] == named
 
 
+@pytest.mark.slow
 def test_each_model_is_trained_once_and_its_rows_kept(few, quick, tmp_path):
     weights = tmp_path / "weights"
     found = incongruence_table.study(few, tmp_path, seeds=(0, 1), weights=weights)

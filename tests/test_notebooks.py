@@ -297,6 +297,7 @@ def test_compare_finds_cells_of_another_type_or_number(pair):
     assert "cell_type 'markdown' against 'code'" in kind
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Proactor event loop:RuntimeWarning")  # on Windows
 def test_a_twin_is_run_in_the_default_tier_and_is_the_same_each_time(pair, monkeypatch):
     md, ipynb = pair

@@ -66,6 +66,7 @@ def test_outside_a_notebook_the_work_goes_on(capsys):
     assert list(progress.line([1, 2])) == [1, 2]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Proactor event loop:RuntimeWarning")  # on Windows
 @pytest.mark.skipif(sys.platform == "win32", reason="kernels start slowly there")
 def test_a_notebook_keeps_one_output_with_the_last_state():

@@ -90,6 +90,7 @@ def test_the_same_sample_gives_the_same_bytes_here_and_in_two_fresh_processes(se
     assert [again, *fresh] == [digest(sequence)] * 3
 
 
+@pytest.mark.slow
 def test_variations_of_a_pattern_differ(recording):
     assert len({digest(recorder.load_sequence(recording, FAST, v)) for v in range(6)}) == 6
 

@@ -176,6 +176,7 @@ def model():
     return checkpoint.load(artefacts.stored("weights/ptae.safetensors")), load_samples()
 
 
+@pytest.mark.slow
 def test_this_run_is_that_of_the_weights_at_hand(model, monkeypatch):
     monkeypatch.setattr(report_card, "ASKED", [])
     trained, samples = model
@@ -199,6 +200,7 @@ def test_this_run_is_that_of_the_weights_at_hand(model, monkeypatch):
     assert (hurt["ours"] == card["ours"]).all() and (hurt["verdict"] == card["verdict"]).all()
 
 
+@pytest.mark.slow
 def test_a_run_has_a_number_for_every_claim_about_ptae_under_conflict(samples, trained):
     run = report_card.this_run(trained, samples)
     card = report_card.card(report_card.stored(), run).set_index("claim")

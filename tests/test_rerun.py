@@ -159,6 +159,7 @@ def test_a_run_makes_everything_once_and_says_what_agreed(tiny, settings, capsys
     assert entry["command"].startswith("python -m tiny make")
 
 
+@pytest.mark.slow
 def test_a_file_that_was_lost_or_changed_is_made_again_and_no_other(tiny, settings):
     stages = (stage("one"), stage("two"))
     Rerun(settings, stages).go(io.StringIO())
@@ -457,6 +458,7 @@ def test_pictures_are_compared_by_their_pixels(tmp_path, levels, agrees):
     assert judge("z.zip", pictures(2), *two(tmp_path, "z.zip", write)).agrees is agrees
 
 
+@pytest.mark.slow
 def test_the_stored_eyes_and_features_agree_with_themselves_by_score():
     data = artefacts.data_folder()
     for one in STAGES:

@@ -240,6 +240,7 @@ def test_children_do_not_get_what_another_project_set():
     assert {*doctor_machine.FOREIGN, "VIRTUAL_ENV"} == {*run.FOREIGN}  # it names the same
 
 
+@pytest.mark.slow
 def test_a_foreign_python_path_does_not_reach_pytest(tmp_path):
     """As with ROS: a package on the path registers a plugin with a hook that pytest lacks."""
     ros, tests = tmp_path / "ros", tmp_path / "tests"
@@ -517,6 +518,7 @@ def test_the_doctor_is_told_of_the_variables_that_others_are_started_without(mon
     assert seen[0]["PYTHONPATH"] == "elsewhere" and "PYTHONPATH" not in seen[1]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows reports a closed pipe in another way")
 @pytest.mark.parametrize(
     "command",

@@ -299,6 +299,7 @@ def test_links_of_different_lengths_are_refused():
         scene3d.record(groups, frames_per_s=25, title="odd")
 
 
+@pytest.mark.slow
 def test_no_simulator_and_no_server_is_started():
     code = (
         "import sys, threading, numpy as np; from ptae_lite.widgets import scene3d;"

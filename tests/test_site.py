@@ -218,6 +218,7 @@ def test_every_reference_of_a_page_is_in_the_bibliography():
             assert label in known, (path.name, label)
 
 
+@pytest.mark.slow
 def test_the_book_of_a_re_run_says_so_on_each_page(tmp_path):
     code = "import runpy, sys; print(runpy.run_path(sys.argv[1])['html_theme_options'])"
     for data, says in ((None, False), (tmp_path, True)):

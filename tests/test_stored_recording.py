@@ -127,6 +127,7 @@ def coloured(hues, name):
     return np.abs((hues - wanted + 3) % 6 - 3) < 0.2  # 12 degrees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", scene.COLOUR_RGBA)
 def test_every_first_image_shows_its_two_cubes_and_no_other_colour(stored, hues, name):
     there = np.array([name in (pattern(i).left, pattern(i).right) for i in stored.pattern])

@@ -60,6 +60,7 @@ def answers(trained, samples):
     return conflict_examples.tell(trained, samples, int(samples.split("test")[1]), NOISY_VIDEOS)
 
 
+@pytest.mark.slow
 def test_a_clip_is_told_under_every_condition(trained, samples, answers):
     assert len(answers.answers) == 69 and len(answers.joints) == 35
     indices = samples.split("test")
@@ -75,6 +76,7 @@ def test_a_clip_is_told_under_every_condition(trained, samples, answers):
     np.testing.assert_allclose(answers.joints[answers.of(condition).track], again, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_what_is_written_is_read_back(trained, samples, tmp_path):
     paths = conflict_examples.write(tmp_path / "new", trained, samples, NOISY_VIDEOS)
     assert [path.name for path in paths] == [conflict_examples.ANSWERS, conflict_examples.KEPT]
@@ -86,6 +88,7 @@ def test_what_is_written_is_read_back(trained, samples, tmp_path):
     np.testing.assert_array_equal(again.strips, NOISY_VIDEOS)
 
 
+@pytest.mark.slow
 def test_the_command_stores_with_provenance(trained, samples, monkeypatch, tmp_path, capsys):
     noted = {}
     monkeypatch.setattr(artefacts, "stored", lambda name: name)

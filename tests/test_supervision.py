@@ -119,6 +119,7 @@ def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
         assert count == 12 * 8 / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", ["paper", "balanced"])
 def test_pvae_binds_labelled_pairs_alone(few, small, small_configs, monkeypatch, variant):
     bound, real = [], PVAE.loss

@@ -42,6 +42,7 @@ def test_losses_by_hand(source):
     assert action.item() == pytest.approx(0.2**2 * (99 + 49) / (2 * 99), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_share_of_the_samples_has_a_true_extra_input(few, tiny, monkeypatch):
     given, real = [], batches.build
 

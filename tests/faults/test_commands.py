@@ -255,6 +255,7 @@ def test_a_disk_that_is_full_in_the_middle_of_a_study(refused, few_stored, tmp_p
     assert "cannot be written (No space left on device)" in message
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_really_full(tmp_path):
     """The system lets no file grow beyond some kilobytes, as if there were no room for more."""
     pytest.importorskip("resource", reason="limits of a process are Unix's")

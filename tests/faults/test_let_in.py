@@ -51,6 +51,7 @@ def lets_in(sources=SOURCES) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_runs_what_it_reads():
     assert "np.load" in {name for _, name, _ in calls()}
     assert lets_in() == []
@@ -105,6 +106,7 @@ def reader(tmp_path_factory):
     return json.loads((folder / "report.json").read_text()) | {"said": run.stderr, "at": folder}
 
 
+@pytest.mark.slow
 def test_reading_data_writes_no_file(reader):
     assert reader["watched"]
     assert reader["written"] == []
