@@ -1,7 +1,9 @@
 """The field's words: names that were replaced must not come back."""
 
+import ast
 import io
 import json
+import re
 import tokenize
 from pathlib import Path
 
@@ -89,3 +91,31 @@ def test_no_value_in_a_table_has_an_old_name():
             table = pd.read_csv(artefacts.stored(name), dtype=str)
             for column in {"model", "variant", "choice", "encoder"} & set(table):
                 assert not set(table[column]) & set(renamed.VALUES), (name, column)
+
+
+def documented(node) -> set[str]:
+    """The names that the docstring's Args or Attributes explain."""
+    found = re.search(
+        r"(?:Args|Attributes):\n(.*?)(?:\n\n|\n(?=\S)|\Z)", ast.get_docstring(node) or "", re.S
+    )
+    return set(re.findall(r"^    (\w+):", found[1], re.M)) if found else set()
+
+
+def given(node) -> set[str]:
+    """The parameters of a function, or of what makes an object; else the fields of a class."""
+    if isinstance(node, ast.ClassDef):
+        makes = [part for part in node.body if getattr(part, "name", "") == "__init__"]
+        if not makes:
+            return {part.target.id for part in node.body if isinstance(part, ast.AnnAssign)}
+        node = makes[0]
+    named = [*node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg]
+    return {one.arg for one in named if one}
+
+
+@pytest.mark.parametrize(
+    "path", sorted(SOURCE.rglob("*.py")), ids=lambda path: path.relative_to(ROOT).as_posix()
+)
+def test_what_a_docstring_explains_is_a_parameter(path):
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            assert documented(node) <= given(node), node.name

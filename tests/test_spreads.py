@@ -39,5 +39,5 @@ def test_with_ticks_each_doubling_is_a_step_of_the_same_width():
 
 def test_more_groups_than_can_be_told_apart_are_refused():
     rows = pd.DataFrame({"encoder": list("abcde"), "n": 1, "right": 2})
-    with pytest.raises(PTAEError, match="tell 4 groups apart, not 5"):
+    with pytest.raises(PTAEError, match="distinguish 4 groups, not 5"):
         dots_by_seed(rows, "encoder", "n", {"right": "%"}, "shown")

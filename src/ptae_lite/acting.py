@@ -1,4 +1,4 @@
-"""A model in the closed loop: it hears a sentence, and sees only what its own acts bring about."""
+"""A model in the closed loop: a sentence in, and images of what its own acts bring about."""
 
 from __future__ import annotations
 

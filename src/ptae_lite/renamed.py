@@ -1,4 +1,4 @@
-"""Names that were others once: who still uses an old one is told the new one."""
+"""Replaced names: an error about an old one names the new one."""
 
 from __future__ import annotations
 

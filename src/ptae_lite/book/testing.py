@@ -71,7 +71,7 @@ def cores() -> int:
 
 
 def phases(everything: bool) -> dict[str, list[str]]:
-    """What is told to pytest for each group of tests, in the order in which they run."""
+    """What pytest is given for each group of tests, in the order in which they run."""
     # The tests of a file share what is costly, the cells of a notebook a kernel: one worker's.
     together, names = ["--dist", "loadfile"], [f"not {name}" for name in NOT_QUICK]
     nbval = ["--nbval-lax", "--nbval-cell-timeout=300"]
@@ -82,7 +82,7 @@ def phases(everything: bool) -> dict[str, list[str]]:
 
 
 def counts(junit: Path) -> str:
-    """How many tests a file of results tells of; nothing where pytest did not come to its end."""
+    """How many tests a file of results counts; nothing where pytest did not come to its end."""
     if not junit.exists():
         return ""
     suite = next(ElementTree.parse(junit).iter("testsuite")).attrib

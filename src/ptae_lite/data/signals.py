@@ -149,11 +149,11 @@ def build(
         samples: sample numbers.
         signals: a signal number for each.
         alternative: which of its eight sentences each sample is given or asked for.
-        hold: how many steps count where the target is a pose held still (describe, repeat
+        hold_steps: how many steps count where the target is a pose held still (describe, repeat
             language). Training may ask for few: there is nothing more to learn in the rest.
-        extra: which samples are also given the input that their task could do without, and true:
-            the whole sentence in the query, the moving clip as keys and values; none if None.
-        told: sample numbers whose sentences are used, where they are not the clips' own.
+        congruent_input: which samples are also given the input that their task could do
+            without, and true: the whole sentence in the query, the moving clip as keys and values; none if None.
+        sentence_from: sample numbers whose sentences are used, where they are not the clips' own.
     """
     if not len(samples) == len(signals) == len(alternative):
         raise ConfigError("a batch needs as many signals and alternatives as samples")
@@ -216,7 +216,7 @@ def mixup(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) 
 
     Keys and values become share x own + (1 - share) x partner's, and both sentences are asked for,
     in these shares (mixup, Zhang et al. 2018). Samples of other signals stay as they are, and so do
-    those that are told the sentence: it would say one clip of the two.
+    those that are given the sentence: it would say one clip of the two.
 
     Args:
         partner: a place in the batch for each sample; where either is not to describe, nothing

@@ -1,4 +1,4 @@
-"""The closed loop: told a sentence, does the arm do it? An episode in, a row of a table out.
+"""The closed loop: given a sentence, does the arm do it? An episode in, a row of a table out.
 
 `MODELS` says who acts and how it was trained, `instruction` where and on what word. Models are
 trained on recorded training samples; two of them on other videos, too (`videos`).
@@ -104,7 +104,7 @@ def describe(trained: Trained, samples: Samples, clips: list, with_rest: bool = 
     """What a model says of its own acts: of (task, features of each frame, joints) a sentence.
 
     Args:
-        hold: the camera goes on, while the arm rests, up to the 50 or 100 frames of a recorded
+        with_rest: the camera goes on, while the arm rests, up to the 50 or 100 frames of a recorded
             clip.
     """
     frames = np.array([min(len(looks), MAX_FRAMES) for _, looks, _ in clips])

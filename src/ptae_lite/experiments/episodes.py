@@ -1,6 +1,6 @@
 """Episodes of the closed loop, kept so that a page without a simulator can show them.
 
-Of a few scenes: everything that can be told in them. Of the table: film strips of episodes that
+Of a few scenes: every sentence about them. Of the table: film strips of episodes that
 succeeded and that failed.
 """
 
@@ -34,7 +34,7 @@ SCENES = (("red", "green"), ("cyan", "violet"), ("green", "yellow"))
 
 
 class StoredEpisode(NamedTuple):
-    """An episode with what was told and where."""
+    """An episode with its instruction and its scene."""
 
     stage: Setting
     instruction: str

@@ -1,4 +1,4 @@
-"""One training, told completely: what is trained, how, on which data, with which labels.
+"""One training, described completely: what is trained, how, on which data, with which labels.
 
 Two experiments with the same hash are the same training. The hash is of the content (SHA-256 of
 names and numbers), so it is the same in every process, on every machine, and in any order of

@@ -118,7 +118,7 @@ def score(trained: Trained, samples: Samples, data: str, variant: str, seed: int
 POINT = ["epoch", "updates", "seconds", "describe_accuracy"]
 CURVE = ["variant", "seed", *POINT, "data"]
 STUDY = Study("family.csv", KEY, experiment_of, score,
-              temporary={"family_curves.csv": [*KEY, "epoch"]}, watch=watch)  # fmt: skip
+              companions={"family_curves.csv": [*KEY, "epoch"]}, watch=watch)  # fmt: skip
 
 
 def study(samples: Samples, folder, variants=REGULAR, seeds=(0, 1, 2), weights=None,

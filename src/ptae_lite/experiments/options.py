@@ -26,7 +26,7 @@ def trainings(parser: ArgumentParser, seeds=(0, 1, 2), cluster: bool = True) -> 
 
 
 def where(given, what: str = "trainings") -> dict:
-    """What `runner.run` is told of the place of the work, with a progress bar of so many `what`."""
+    """Where `runner.run` does the work, with a progress bar of so many `what`."""
     return {
         "workers": given.workers, "cluster": given.cluster,
         "progress": lambda results, total: bar(results, total=total, desc=what),

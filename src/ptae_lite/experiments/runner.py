@@ -34,7 +34,7 @@ class Study:
         experiment: gives, of `(samples, *job)`, what is trained; None where nothing is.
         score: gives, of `(trained, samples, *job)`, the rows: a DataFrame, or several by file.
         order: columns that the rows of the table are sorted by, where these are more than `key`.
-        beside: the same of further files that `score` has rows for.
+        companions: the same of further files that `score` has rows for.
         see: gives, of `(samples, *job)`, what the job's training sees, where that is not `samples`.
         watch: looks, as `watch(trained, samples, epoch)`, at a training from outside; what it gives
             (but None) is kept in `about["watched"]`, with the seconds of training until then.
@@ -45,7 +45,7 @@ class Study:
     experiment: Callable[..., Experiment | None]
     score: Callable[..., pd.DataFrame | dict[str, pd.DataFrame]]
     order: list[str] | None = None
-    temporary: dict[str, list[str]] = field(default_factory=dict)
+    companions: dict[str, list[str]] = field(default_factory=dict)
     see: Callable[..., Samples] | None = None
     watch: Callable[..., dict | None] | None = None
 
@@ -66,7 +66,7 @@ def run(study: Study, samples: Samples, jobs: Iterable[tuple], folder, weights=N
     def keep(rows) -> None:
         found = rows if isinstance(rows, dict) else {study.file: rows}
         for name, order in {
-            **study.temporary,
+            **study.companions,
             study.file: study.order,
         }.items():  # what is done: last
             if len(found.get(name, ())):

@@ -241,7 +241,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
         recipe: of all trainings; each model's own if None.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]
-    made = Study(FILE, KEY, partial(_experiment, recipe), _score, temporary={SENTENCES: KEY})
+    made = Study(FILE, KEY, partial(_experiment, recipe), _score, companions={SENTENCES: KEY})
     return runner.run(made, samples, rows, folder, **where)
 
 

@@ -81,7 +81,7 @@ def run(work: Callable, jobs: list, keep: Callable, workers: int = 1,
     Args:
         keep: called here, one result after the other, so that it may write to a table.
         workers: trainings side by side, each in its own process with one thread.
-        progress: wraps the results (as `tqdm` does); told `total`.
+        progress: wraps the results (as `tqdm` does); is given `total`.
         cluster: address of a Dask scheduler, as `tcp://HOST:PORT`, whose workers have this package;
             `workers` then does not count. Workers run whatever the scheduler's clients send them,
             so both belong on a trusted network.

@@ -80,7 +80,7 @@ class GatedUnit(nn.Module):
 
 
 class PGAE(nn.Module):
-    """The model. It is told the task by the first query token alone, as PTAE is."""
+    """The model. The first query token alone says which task it is, as PTAE is."""
 
     kind = "pgae"
 

@@ -44,7 +44,7 @@ class PTAEConfig:
     decoder_units: int = 128
     decoder_layers: int = 2
     dropout: float = 0.1  # ours; paper 0.25. Without any, new scenes get wrong colours more often
-    forget_bias: float = 1.0  # ours; paper 0, with which the decoder forgets what it was told
+    forget_bias: float = 1.0  # ours; paper 0, with which the decoder forgets the code
     # What the paper's text also tried, or leaves open; the defaults are its regular model.
     language_encoder: str = "none"  # or `lstm`, or `bert` from the folder `bert`
     action_encoder: str = "none"  # or `lstm`
@@ -86,7 +86,7 @@ class PTAEConfig:
 
 
 class PTAE(nn.Module):
-    """The model. It is told the task by the first query token alone."""
+    """The model. The first query token alone says which task it is."""
 
     kind = "ptae"
 

@@ -10,7 +10,7 @@
       video ------/
 
 Each half learns to repeat its own input, and binding brings the two codes of a pair together; so
-whoever encodes with one half may decode with the other. There are no signal words: here the
+the code of one half can be decoded by the other. There are no signal words: here the
 signal says which code is decoded. 464,228 parameters at the published sizes.
 
 PRAE is the same without chance: 434,128 parameters. The published 436,128 count an encoder that

@@ -29,11 +29,11 @@ def dots_by_seed(
 
     Rows with the same `group` have one colour; `levels` are rows without a place along `x`.
     With `ticks` that axis is logarithmic above the first of them that is not 0, and shows them.
-    Raises `PTAEError` where there are more groups than looks to tell them apart.
+    Raises `PTAEError` where there are more groups than line styles to distinguish them.
     """
     groups = list(dict.fromkeys(rows[group]))
     if len(groups) > len(LOOKS):
-        raise PTAEError(f"these panels tell {len(LOOKS)} groups apart, not {len(groups)}")
+        raise PTAEError(f"these panels distinguish {len(LOOKS)} groups, not {len(groups)}")
     width = 0.4 + 2.4 * len(panels)
     figure, row = plt.subplots(1, len(panels), figsize=(width, 2.7), sharex=True, squeeze=False)
     for axes, (column, label) in zip(row[0], panels.items(), strict=True):

@@ -48,7 +48,7 @@ class Episode(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """Was it done as told? Success needs all of the right cube, way, distance, and time."""
+    """Was the sentence carried out? The right cube, way, distance and time make a success."""
 
     success: bool
     reason: str  # `done`, or the first thing that went wrong
