@@ -151,8 +151,9 @@ def build(
         alternative: which of its eight sentences each sample is given or asked for.
         hold_steps: how many steps count where the target is a pose held still (describe, repeat
             language). Training may ask for few: there is nothing more to learn in the rest.
-        congruent_input: which samples are also given the input that their task could do
-            without, and true: the whole sentence in the query, the moving clip as keys and values; none if None.
+        congruent_input: which samples are also given the input that their task could do without,
+            and true: the whole sentence in the query, the moving clip as keys and values; none if
+            None.
         sentence_from: sample numbers whose sentences are used, where they are not the clips' own.
     """
     if not len(samples) == len(signals) == len(alternative):

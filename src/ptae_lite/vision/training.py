@@ -136,5 +136,5 @@ def train_autoencoder(
     """
     training = AutoencoderTrainer(encoder, recipe, device)
     losses = training.go(images, recipe.steps, recipe.steps, progress=progress)
-    encoder.to("cpu")
+    encoder.to("cpu").zero_grad()  # the last gradients take as much memory as the weights
     return losses
