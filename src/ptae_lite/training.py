@@ -87,8 +87,6 @@ def train(
     batches = Batches(
         samples, scaling, indices, labelled, recipe, groups, config.mix.limited[1], videos
     )
-    if not batches.count:
-        raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
     record = TrainingRecord(
         encoder=samples.encoder, recipe=asdict(recipe), split=split, holdout=samples.holdout,
         labelled=len(batches.with_label), steps=recipe.epochs * batches.count,
@@ -96,6 +94,8 @@ def train(
     weights = (recipe.language_weight, recipe.action_weight, 1.0)  # the third binds PVAE's codes
     with devices.seeded(recipe.seed, device), devices.whole_float32():
         network = kind.network(config).to(device)
+        if not batches.count:  # after the model, which may have a more telling objection
+            raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
         optimiser, schedule = make_optimiser(network, recipe, record.steps)
         for epoch in progress(range(1, recipe.epochs + 1)):
             network.train()

@@ -260,8 +260,10 @@ def book(tmp_path_factory):
     folder = tmp_path_factory.mktemp("book")
     (folder / "conf.py").write_text((ROOT / "book" / "conf.py").read_text("utf-8"), "utf-8")
     (folder / "_static").mkdir()
-    (folder / "_static" / "book.css").write_text("")
-    (folder / "index.md").write_text("# A book\n\n```{toctree}\n01_one\n```\n")
+    for name in ("book.css", "book.js"):
+        (folder / "_static" / name).write_text("")
+    contents = "```{toctree}\n:caption: Chapters\n01_one\n```\n"
+    (folder / "index.md").write_text(f"# A book\n\n{contents}")
     (folder / "01_one.md").write_text(CHAPTER)
     return folder
 
