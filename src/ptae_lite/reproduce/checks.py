@@ -61,7 +61,8 @@ def judge(name: str, check: Check, remade: Path, stored: Path) -> Comparison:
 def near(pairs: dict[str, tuple], tolerances: dict[str, tuple[float, float]], share: float = 1.0):
     """Hold numbers against each other: `pairs` has (remade, stored) arrays of each name.
 
-    A tolerance (a, r) allows a + r |stored|; `share` says how many of all numbers must keep it.
+    A tolerance (a, r) allows a plus r times the stored number; `share` says how many of all
+    numbers must keep it.
     """
     kept, count, furthest, worst = 0, 0, 0.0, ""
     for name, both in pairs.items():
