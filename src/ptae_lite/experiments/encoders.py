@@ -248,7 +248,7 @@ def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
 
 
 def write_reconstructions(bench: Bench, seed: int, checkpoints) -> None:
-    """`eyes_drawings.npz`: the images `encoder_scores.DRAWN`, drawn by each encoder of a seed."""
+    """`encoder_reconstructions.npz`: the images `DRAWN` as each encoder of a seed gives them."""
     paths = {name: bench.weights(name, seed, max(own)) for name, own in checkpoints.items()}
     some = len(bench.images[::PCA_EVERY])
     paths |= {name: bench.weights(name, 0, some) for name in PCAS}
