@@ -18,6 +18,8 @@ class Recipe:
     # ours; how much faster the action decoder learns than the rest. With one pace for all, either
     # the words for new scenes get worse with training, or the joints are not done in time.
     action_lr_scale: float = 3.0
+    muon_lr: float = 0.0  # ours, the peak for hidden matrices, see `optimisers`; 0: Adam for all
+    warmup: float = 0.0  # ours; share of the updates in which rates rise; 0: one cycle of Adam
     clip: float = 1.0  # ours, of the gradient's norm; paper none
     language_weight: float = 1.0  # paper
     # ours; 5 would be the paper's text, which sums over joints where its code averages

@@ -6,7 +6,6 @@ from dataclasses import asdict
 
 import numpy as np
 import torch
-from torch import nn
 
 from ptae_lite import devices
 from ptae_lite.data.batches import Batches
@@ -15,6 +14,7 @@ from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.errors import ConfigError
 from ptae_lite.models.checkpoint import Trained, TrainingRecord
 from ptae_lite.models.registry import MODELS
+from ptae_lite.optimisers import Optimiser
 from ptae_lite.recipe import Recipe
 
 
@@ -96,17 +96,13 @@ def train(
         network = kind.network(config).to(device)
         if not batches.count:  # after the model, which may have a more telling objection
             raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
-        optimiser, schedule = make_optimiser(network, recipe, record.steps)
+        optimiser = Optimiser(network, recipe, record.steps)
         for epoch in progress(range(1, recipe.epochs + 1)):
             network.train()
             sums, supervised = 0.0, 0
             for batch in batches.epoch():
                 losses = network.loss(batch.inputs.to(device), batch.paired.to(device))
-                optimiser.zero_grad()
-                sum(w * loss for w, loss in zip(weights, losses, strict=False)).backward()
-                nn.utils.clip_grad_norm_(network.parameters(), recipe.clip)
-                optimiser.step()
-                schedule.step()
+                optimiser.step(sum(w * loss for w, loss in zip(weights, losses, strict=False)))
                 sums += np.array([loss.item() for loss in losses])
                 supervised += batch.supervised
             record = record.after_epoch(sums / batches.count, supervised)
@@ -114,11 +110,3 @@ def train(
             on_epoch(epoch, Trained(network, scaling, asdict(record)))
     return Trained(network.to("cpu").eval(), scaling, asdict(record))
 
-
-def make_optimiser(network: nn.Module, recipe: Recipe, steps: int):
-    """Adam and its one-cycle schedule; the action decoder has a learning rate of its own."""
-    own = list(network.action.parameters())
-    rest = [p for p in network.parameters() if not any(p is q for q in own)]
-    optimiser = torch.optim.Adam([{"params": rest}, {"params": own}], fused=True)
-    rates = [recipe.learning_rate, recipe.learning_rate * recipe.action_lr_scale]
-    return optimiser, torch.optim.lr_scheduler.OneCycleLR(optimiser, rates, total_steps=steps)

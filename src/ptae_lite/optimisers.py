@@ -1,0 +1,143 @@
+"""How weights follow their gradients: Muon for the hidden matrices, Adam for all else.
+
+Adam scales each weight's step by its own gradients. Muon looks at a matrix as a whole: it makes the
+singular values of an update about equal, so that a direction that few samples ask for is learned as
+fast as one that all ask for. Both follow one schedule.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+
+import torch
+from torch import Tensor, nn
+
+from ptae_lite.recipe import Recipe
+
+ITERATIONS = 5  # of Newton and Schulz, with the published coefficients
+COEFFICIENTS = (3.4445, -4.7750, 2.0315)
+MATCH_ADAM = 0.2  # size of an entry of an update at a rate of 1, which is that of Adam's
+
+
+class Muon(torch.optim.Optimizer):
+    """Momentum that is orthogonalised block by block (Jordan et al. 2024).
+
+    An update of `torch.optim.Muon` is one of this with a block for each matrix. Here a matrix is cut
+    into blocks of at most `rows` rows, and all blocks of one shape are computed together: a third of
+    the time for our small matrices, and a gate of a recurrent layer does not mix with the others.
+
+    Args:
+        params: matrices, or groups of them with `lr` of their own.
+        momentum: Nesterov's.
+        rows: of a block, at most.
+    """
+
+    def __init__(self, params, lr: float = 1e-3, momentum: float = 0.95, rows: int = 64):
+        super().__init__(params, {"lr": lr, "momentum": momentum, "rows": rows})
+
+    @torch.no_grad()
+    def step(self, closure=None) -> None:
+        """Change each matrix by lr * 0.2 * sqrt(longer side of a block) * its orthogonal update."""
+        stacks = defaultdict(list)  # by the shape of a block: matrix, rate, update in blocks
+        for group in self.param_groups:
+            for matrix in group["params"]:
+                state = self.state[matrix]
+                if not state:
+                    state["momentum"] = torch.zeros_like(matrix)
+                momentum, keep = state["momentum"], group["momentum"]
+                momentum.lerp_(matrix.grad, 1 - keep)
+                blocks = blocks_of(matrix.grad.lerp(momentum, keep), group["rows"])
+                stacks[blocks.shape[1:]].append((matrix, group["lr"], blocks))
+        for shape, parts in stacks.items():
+            updates = orthogonal(torch.cat([blocks for *_, blocks in parts]))
+            updates = updates.split([len(blocks) for *_, blocks in parts])
+            for (matrix, rate, _), update in zip(parts, updates, strict=True):
+                size = rate * MATCH_ADAM * math.sqrt(max(shape))
+                matrix.sub_(update.reshape(matrix.shape), alpha=size)
+
+
+def blocks_of(matrix: Tensor, rows: int) -> Tensor:
+    """A matrix (R, C) as blocks (N, R / N, C) of at most `rows` rows, as few as there can be."""
+    count = next(n for n in range(1, len(matrix) + 1) if not len(matrix) % n and len(matrix) // n <= rows)
+    return matrix.reshape(count, -1, matrix.shape[1])
+
+
+def orthogonal(blocks: Tensor) -> Tensor:
+    """Blocks (N, R, C) whose singular values are brought near 1, between about 0.7 and 1.2."""
+    a, b, c = COEFFICIENTS
+    tall = blocks.shape[1] > blocks.shape[2]
+    x = blocks.mT if tall else blocks
+    x = x / (x.norm(dim=(1, 2), keepdim=True) + 1e-7)
+    for _ in range(ITERATIONS):
+        gram = torch.bmm(x, x.mT)
+        x = torch.baddbmm(x, torch.baddbmm(gram, gram, gram, beta=b, alpha=c), x, beta=a)
+    return x.mT if tall else x
+
+
+class Optimiser:
+    """Muon and Adam side by side, with the schedule of a training's recipe.
+
+    Muon moves the hidden matrices, if the recipe has a rate for it; Adam moves embeddings, outputs,
+    biases and peepholes. The action decoder has rates of its own.
+
+    Args:
+        steps: updates of the whole training.
+    """
+
+    def __init__(self, network: nn.Module, recipe: Recipe, steps: int):
+        self.parameters = list(network.parameters())
+        own = {id(p) for p in network.action.parameters()}
+        faster = {True: recipe.action_lr_scale, False: 1.0}
+        hidden = {id(p) for p in self.parameters if recipe.muon_lr and is_hidden(p)}
+
+        def groups(rate: float, chosen) -> list[dict]:
+            parts = {place: [p for p in chosen if (id(p) in own) == place] for place in faster}
+            return [{"params": p, "lr": rate * faster[k]} for k, p in parts.items() if p]
+
+        rest = groups(recipe.learning_rate, [p for p in self.parameters if id(p) not in hidden])
+        self.parts = [torch.optim.Adam(rest, fused=True)]
+        if hidden:
+            matrices = [p for p in self.parameters if id(p) in hidden]
+            self.parts.append(Muon(groups(recipe.muon_lr, matrices)))
+        self.schedules = [schedule(part, recipe, steps) for part in self.parts]
+        self.clip = recipe.clip
+
+    def step(self, loss: Tensor) -> None:
+        """Move the weights against the gradient of `loss`, and the schedule by one update."""
+        for part in self.parts:
+            part.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.parameters, self.clip)
+        for part, rates in zip(self.parts, self.schedules, strict=True):
+            part.step()
+            rates.step()
+
+    def state_dict(self) -> dict:
+        """What a training that goes on needs, beside the weights."""
+        return {"parts": [p.state_dict() for p in self.parts],
+                "schedules": [s.state_dict() for s in self.schedules]}  # fmt: skip
+
+    def load_state_dict(self, state: dict) -> None:
+        for kept, there in (("parts", self.parts), ("schedules", self.schedules)):
+            for one, found in zip(there, state[kept], strict=True):
+                one.load_state_dict(found)
+
+
+def is_hidden(weights: Tensor) -> bool:
+    """Whether both sides of a matrix are hidden units, or as many as: 32 at least."""
+    return weights.ndim == 2 and min(weights.shape) >= 32
+
+
+def schedule(optimiser, recipe: Recipe, steps: int):
+    """The rates over the updates: one cycle, or where `warmup` is a share of them, a rise in that
+    share and a fall to zero, both linear."""
+    if not recipe.warmup:
+        peaks = [group["lr"] for group in optimiser.param_groups]
+        return torch.optim.lr_scheduler.OneCycleLR(optimiser, peaks, total_steps=steps)
+
+    def share(step: int) -> float:
+        done = (step + 1) / steps
+        return done / recipe.warmup if done < recipe.warmup else (1 - done) / (1 - recipe.warmup)
+
+    return torch.optim.lr_scheduler.LambdaLR(optimiser, share)
