@@ -27,3 +27,7 @@ class ConfigError(PTAEError):
 
 class FileError(PTAEError):
     """A place that cannot be written to, or that another run is at work on."""
+
+
+class TrainingError(PTAEError):
+    """A training whose numbers ran away."""

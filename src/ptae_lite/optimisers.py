@@ -23,9 +23,9 @@ MATCH_ADAM = 0.2  # size of an entry of an update at a rate of 1, which is that 
 class Muon(torch.optim.Optimizer):
     """Momentum that is orthogonalised block by block (Jordan et al. 2024).
 
-    An update of `torch.optim.Muon` is one of this with a block for each matrix. Here a matrix is cut
-    into blocks of at most `rows` rows, and all blocks of one shape are computed together: a third of
-    the time for our small matrices, and a gate of a recurrent layer does not mix with the others.
+    `torch.optim.Muon` makes a matrix orthogonal as a whole, in bfloat16. Here it is cut into blocks
+    of at most `rows` rows, and blocks of one shape are computed together, in float32: this takes a
+    third of the time for our small matrices, and the gates of a recurrent layer do not mix.
 
     Args:
         params: matrices, or groups of them with `lr` of their own.
@@ -59,7 +59,9 @@ class Muon(torch.optim.Optimizer):
 
 def blocks_of(matrix: Tensor, rows: int) -> Tensor:
     """A matrix (R, C) as blocks (N, R / N, C) of at most `rows` rows, as few as there can be."""
-    count = next(n for n in range(1, len(matrix) + 1) if not len(matrix) % n and len(matrix) // n <= rows)
+    count = next(
+        n for n in range(1, len(matrix) + 1) if not len(matrix) % n and len(matrix) // n <= rows
+    )
     return matrix.reshape(count, -1, matrix.shape[1])
 
 

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
-import torch
 
 from ptae_lite import devices
 from ptae_lite.data.batches import Batches
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.scaling import fit_scaling
-from ptae_lite.errors import ConfigError
+from ptae_lite.errors import ConfigError, TrainingError
 from ptae_lite.models.checkpoint import Trained, TrainingRecord
 from ptae_lite.models.registry import MODELS
 from ptae_lite.optimisers import Optimiser
 from ptae_lite.recipe import Recipe
+from ptae_lite.unfinished import Unfinished
 
 
 def label(train: np.ndarray, share_percent: float, seed: int) -> np.ndarray:
@@ -41,6 +41,7 @@ def train(
     limited: bool = False,
     videos: dict[int, list[np.ndarray]] | None = None,
     device: str = "cpu",
+    unfinished=None,
     on_epoch=lambda epoch, trained: None,
     progress=lambda epochs: epochs,
 ) -> Trained:
@@ -59,7 +60,11 @@ def train(
             other ways than recorded: features (99, F) before scaling. Execute is trained with the
             recorded video or one of these, each equally likely.
         device: where the network computes, such as `cuda`. The result comes back to the CPU.
-        on_epoch: called after each epoch with its number (from 1) and the model so far.
+        unfinished: a file that keeps the state of the training every ten minutes. Where it is
+            there, the training goes on from it, to the same weights. It is left to the caller to
+            delete it, once the trained model is safe.
+        on_epoch: called after each epoch with its number (from 1) and the model so far. What it
+            returns (but None) is kept in the record as `watched`; its time does not count.
         progress: wraps the iterator over epochs (as `tqdm` does).
 
     Returns:
@@ -68,6 +73,7 @@ def train(
     Raises:
         ConfigError: an unknown model, a configuration of another model, a device that is not
             here, too few samples for one batch, or labelled samples from outside the split.
+        TrainingError: a loss is not a number any more.
     """
     devices.check(device)
     if model not in MODELS:
@@ -97,16 +103,35 @@ def train(
         if not batches.count:  # after the model, which may have a more telling objection
             raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
         optimiser = Optimiser(network, recipe, record.steps)
-        for epoch in progress(range(1, recipe.epochs + 1)):
+        what = asdict(record) | {
+            "model": model,
+            "config": asdict(config),
+            "data": samples.fingerprint,
+        }
+        state = Unfinished(unfinished, what)
+        done, so_far = state.load(network, optimiser, batches.rng)
+        record = replace(record, **so_far)
+        for epoch in progress(range(done + 1, recipe.epochs + 1)):
             network.train()
-            sums, supervised = 0.0, 0
+            begun, sums, supervised = devices.clock(device), 0.0, 0
             for batch in batches.epoch():
                 losses = network.loss(batch.inputs.to(device), batch.paired.to(device))
                 optimiser.step(sum(w * loss for w, loss in zip(weights, losses, strict=False)))
                 sums += np.array([loss.item() for loss in losses])
                 supervised += batch.supervised
-            record = record.after_epoch(sums / batches.count, supervised)
+            check_finite(sums, epoch, recipe)
+            seconds = devices.clock(device) - begun
+            record = record.after_epoch(sums / batches.count, supervised, seconds)
             network.eval()
-            on_epoch(epoch, Trained(network, scaling, asdict(record)))
+            record = record.with_watched(on_epoch(epoch, Trained(network, scaling, asdict(record))))
+            state.save(epoch, network, optimiser, batches.rng, record)
     return Trained(network.to("cpu").eval(), scaling, asdict(record))
 
+
+def check_finite(losses: np.ndarray, epoch: int, recipe: Recipe) -> None:
+    """Raise `TrainingError` where a loss of an epoch is not a number."""
+    if not np.isfinite(losses).all():
+        raise TrainingError(
+            f"the training with seed {recipe.seed} broke off: in epoch {epoch} of {recipe.epochs} "
+            "a loss was no number any more; train it with a lower learning rate"
+        )

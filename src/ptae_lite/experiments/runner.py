@@ -6,7 +6,6 @@ table lacks; so a study that was stopped goes on, and rows that are there are no
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +21,8 @@ from ptae_lite.experiments.labels import chosen
 from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.training import train
+
+UNFINISHED = "unfinished"  # beside the tables: states of trainings that are under way
 
 
 @dataclass(frozen=True)
@@ -72,19 +73,23 @@ def run(study: Study, samples: Samples, jobs: Iterable[tuple], folder, weights=N
             if len(found.get(name, ())):
                 tables.add(Path(folder) / name, found[name], study.key, order)
 
+    unfinished = Path(folder) / UNFINISHED
     for group in [] if weights is None else shared(study, samples, todo, weights):
-        trainings = [(one, samples, weights) for one in group]
+        trainings = [(one, samples, weights, unfinished) for one in group]
         tables.run(_train, trainings, lambda _: None, **where)
-    tables.run(work, [(study, samples, weights, job) for job in todo], keep, **where)
+    tables.run(work, [(study, samples, weights, unfinished, job) for job in todo], keep, **where)
     return tables.read(table, study.key)
 
 
-def work(study: Study, samples: Samples, weights, job: tuple):
+def work(study: Study, samples: Samples, weights, unfinished, job: tuple):
     """The rows of one job."""
     seen = samples if study.see is None else study.see(samples, *job)
     asked = study.experiment(seen, *job)
-    trained = None if asked is None else obtain(asked, seen, weights, study.watch)
-    return study.score(trained, seen, *job)
+    trained = None if asked is None else obtain(asked, seen, weights, study.watch, unfinished)
+    rows = study.score(trained, seen, *job)
+    if asked is not None:  # only now: a training whose rows are lost would have to be made again
+        state_of(asked, unfinished).unlink(missing_ok=True)
+    return rows
 
 
 def shared(study: Study, samples: Samples, jobs, weights) -> list[list[Experiment]]:
@@ -102,18 +107,30 @@ def shared(study: Study, samples: Samples, jobs, weights) -> list[list[Experimen
     return [group for group in left if group]
 
 
-def _train(asked: Experiment, samples: Samples, weights) -> None:
-    obtain(asked, samples, weights)
+def _train(asked: Experiment, samples: Samples, weights, unfinished) -> None:
+    obtain(asked, samples, weights, unfinished=unfinished)
+    state_of(asked, unfinished).unlink(missing_ok=True)
 
 
-def obtain(asked: Experiment, samples: Samples, weights=None, watch=None) -> Trained:
-    """The trained model of an experiment: of the folder `weights`, else trained and kept there."""
+def obtain(
+    asked: Experiment, samples: Samples, weights=None, watch=None, unfinished=None
+) -> Trained:
+    """The trained model of an experiment: of the folder `weights`, else trained and kept there.
+
+    Args:
+        unfinished: a folder for the state of the training while it runs, see `training.train`.
+    """
     trained = found(asked, weights)
-    if trained is None or (watch is not None and "watched" not in trained.about):
-        trained = fit(asked, samples, weights, watch)
+    if trained is None or (watch is not None and not trained.about.get("watched")):
+        trained = fit(asked, samples, weights, watch, unfinished=state_of(asked, unfinished))
         if weights is not None:
             checkpoint.save(Path(weights) / asked.file, trained)
     return trained
+
+
+def state_of(asked: Experiment, folder) -> Path | None:
+    """Where the state of a training is kept while it runs."""
+    return folder and Path(folder) / f"{asked.hash[:16]}.safetensors"
 
 
 def found(asked: Experiment, weights) -> Trained | None:
@@ -153,7 +170,7 @@ def fit(asked: Experiment, samples: Samples, weights=None, watch=None, **options
     Args:
         weights: where the experiment's base may lie.
         watch: see `Study`.
-        options: `device` and `progress`, see `training.train`.
+        options: `device`, `progress` and `unfinished`, see `training.train`.
     """
     if samples.fingerprint != asked.data:
         raise ConfigError(f"the experiment is of {asked.data}, not of {samples.fingerprint}")
@@ -163,15 +180,9 @@ def fit(asked: Experiment, samples: Samples, weights=None, watch=None, **options
 
         base = obtain(asked.base, samples, weights) if asked.base else None
         videos = make(asked, samples, base)
-    begun, watching, seen = time.process_time(), 0.0, []
 
-    def look(epoch: int, trained: Trained) -> None:
-        nonlocal watching
-        stopped = time.process_time()
-        found = None if watch is None else watch(trained, samples, epoch)
-        if found is not None:
-            seen.append({"seconds": round(stopped - begun - watching, 1)} | found)
-        watching += time.process_time() - stopped
+    def look(epoch: int, trained: Trained) -> dict | None:
+        return None if watch is None else watch(trained, samples, epoch)
 
     own = chosen(samples, asked.split, asked.labels, asked.seed)
     trained = train(
@@ -180,9 +191,6 @@ def fit(asked: Experiment, samples: Samples, weights=None, watch=None, **options
         on_epoch=look, **options,
     )  # fmt: skip
     trained.about["experiment"] = asked.hash
-    trained.about["seconds"] = round(time.process_time() - begun - watching, 1)
-    if watch is not None:
-        trained.about["watched"] = seen
     return trained
 
 

@@ -29,15 +29,26 @@ class TrainingRecord:
     supervised_samples_seen: int = 0  # how often a sample was shown where its label counted
     # the mean of each of the model's losses in each epoch
     history: list[list[float]] = field(default_factory=list)
+    seconds: float = 0.0  # of computing
+    watched: list[dict] = field(default_factory=list)  # what `on_epoch` returned, with the seconds
 
-    def after_epoch(self, means: Float[np.ndarray, " L"], supervised: int) -> TrainingRecord:
-        """With one more epoch: the means of its losses, and its supervised presentations."""
+    def after_epoch(
+        self, means: Float[np.ndarray, " L"], supervised: int, seconds: float
+    ) -> TrainingRecord:
+        """With one more epoch: the means of its losses, its supervised samples, its seconds."""
         means = [round(mean, 5) for mean in means.tolist()]
         return replace(
             self,
             history=[*self.history, means],
             supervised_samples_seen=self.supervised_samples_seen + supervised,
+            seconds=round(self.seconds + seconds, 3),
         )
+
+    def with_watched(self, found: dict | None) -> TrainingRecord:
+        """With what was seen of the training from outside, if it is more than None."""
+        if found is None:
+            return self
+        return replace(self, watched=[*self.watched, {"seconds": round(self.seconds, 1)} | found])
 
 
 @dataclass(frozen=True)
