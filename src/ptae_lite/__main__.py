@@ -1,6 +1,7 @@
-"""The command line: `python -m ptae_lite COMMAND`; the table `COMMANDS` holds the commands.
+"""The command line: `python -m ptae_lite COMMAND`. The table `COMMANDS` lists the commands.
 
-Every command shows its progress on the error stream, and with `--json` prints one line of results.
+Every command shows its progress on the error stream. With `--json` it prints its results as one
+line.
 """
 
 from __future__ import annotations
@@ -76,7 +77,7 @@ def do_train(options) -> dict:
     if options.out is None:
         options.out = f"build/weights/{options.model.replace('-', '_')}.safetensors"
     refuse_data(options.out, "build/weights")
-    check_writable(options.out)  # now, and not after the training
+    check_writable(options.out)  # before the training, not after it
     if options.model in ("cae", "plain-cae"):
         return _train_autoencoder(options)
     from ptae_lite import training
@@ -105,7 +106,11 @@ def do_train(options) -> dict:
 
 
 def configured(model: str, features: int, settings):
-    """The model's configuration with `settings`, each NAME=VALUE, put into it."""
+    """The model's configuration, changed by `settings`, each NAME=VALUE.
+
+    Raises:
+        PTAEError: there is no such setting, or its value is of another type.
+    """
     config = MODELS[model].config(features=features)
     for setting in settings:
         name, _, text = setting.partition("=")
@@ -206,7 +211,7 @@ def evaluate_options(made: argparse.ArgumentParser) -> None:
 
 
 def study_options(made: argparse.ArgumentParser) -> None:
-    """A parser for each of `STUDIES`, with the options that it understands."""
+    """Add a parser for each of `STUDIES`, with the options that it understands."""
     studies = made.add_subparsers(dest="name", required=True, metavar="NAME")
     for name, study in STUDIES.items():
         one = subparser(studies, name, study.__doc__.strip().splitlines()[0])
@@ -264,7 +269,7 @@ def main(arguments=None) -> int:
 
 
 def show(options) -> None:
-    """Run a command and print what it found."""
+    """Run a command and print its results."""
     begun = time.perf_counter()
     result = options.run(options)
     result["seconds"] = round(time.perf_counter() - begun, 1)

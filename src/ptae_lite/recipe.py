@@ -1,4 +1,4 @@
-"""How a model is trained: the numbers that are chosen, each with the paper's."""
+"""How a model is trained: each setting, and the paper's value beside it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from ptae_lite.errors import ConfigError
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a model is trained. Chosen on held-out training patterns."""
+    """The settings of a training, chosen on held-out training patterns.
+
+    Raises:
+        ConfigError: a value makes no sense.
+    """
 
     epochs: int = 80  # ours, 1,920 steps; paper 2,500 epochs of 108 batches
     batch: int = 27  # ours; paper 6
     learning_rate: float = 1e-3  # ours, the peak of one cycle of Adam; paper 1e-5, constant
-    # ours; how much faster the action decoder learns than the rest. With one pace for all, either
-    # the words for new scenes get worse with training, or the joints are not done in time.
+    # ours; the learning rate of the action decoder, as a multiple of the others'. With one rate for
+    # all, either the words for new scenes get worse, or the joints have not yet converged.
     action_lr_scale: float = 3.0
     clip: float = 1.0  # ours, of the gradient's norm; paper none
     language_weight: float = 1.0  # paper
