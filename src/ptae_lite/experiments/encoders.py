@@ -1,9 +1,10 @@
-"""Encoders: does separating the colour channels help, at equal presentations and at equal compute?
+"""Encoders: does it help to separate the colour channels, with equal images seen or equal compute?
 
-Three CAEs, three seeds each, and three PCAs. Each CAE is one long training; at each checkpoint a
-copy of it runs through the last fifth of a training of that length (`AutoencoderTrainer`), so a row
-of the table is what a training of exactly that length gives. Linear probes on `held_out` patterns
-decide when a training has levelled off; those on `test` are for the table.
+There are three CAEs with three seeds each, and three PCAs. Each CAE is one long training. At each
+checkpoint, a copy of it runs through the last fifth of a training of that length
+(`AutoencoderTrainer`). So a row of the table is the result of a training of exactly that length.
+Linear probes on `held_out` patterns decide when a training has converged; those on `test` are for
+the table.
 """
 
 from __future__ import annotations
@@ -66,9 +67,12 @@ def mflop_an_image(encoder) -> float:
 
 
 class Bench:
-    """What every encoder of the study is trained on and shown, and where its results go.
+    """What every encoder of the study is trained and scored on, and where its results go.
 
-    `folder` gets `encoders.csv`; `work` the weights and the features of all frames of each encoder.
+    Args:
+        recording: folder of a recording, with its images.
+        folder: gets `encoders.csv`.
+        work: gets the weights of each encoder, and its features of all frames.
     """
 
     def __init__(self, samples: Samples, recording, folder, work):
@@ -78,32 +82,34 @@ class Bench:
         self.looks = encoder_scores.look(recording, samples)
 
     def experiment_of(self, name: str, seed: int, steps: int | None = None) -> Experiment:
-        """A training of so many steps; of none in particular, as it is before its end, if None."""
+        """A training of `steps` steps. None: an unfinished training, before its rate falls."""
         (kind, code), recipe = CAES[name], vision.AutoencoderRecipe(seed=seed)
         recipe = replace(recipe, steps=steps or recipe.steps)
         split = "train" if steps else "train, unfinished"
         return Experiment(kind, {"code": code}, recipe, self.samples.fingerprint, split)
 
     def rows(self) -> pd.DataFrame:
+        """The rows of the table so far."""
         return tables.read(self.table, KEY)
 
     def write(self, encoder, about: dict) -> None:
-        """Add the two rows of an encoder, one a split."""
+        """Add the two rows of an encoder, one for each split."""
         scores = encoder_scores.scores(encoder, self.looks, self.samples)
         made = [about | {"split": split} | found for split, found in scores.items()]
         tables.add(self.table, pd.DataFrame(made), KEY)
 
     def place(self, name: str, seed: int) -> Path:
+        """The folder of an encoder's files; it is made if it does not exist."""
         folder = self.work / folder_of(name, seed)
         folder.mkdir(parents=True, exist_ok=True)
         return folder
 
     def weights(self, name: str, seed: int, samples_seen: int) -> Path:
-        """Where an encoder is, after so many presentations."""
+        """The file of an encoder that has seen `samples_seen` images."""
         return self.place(name, seed) / f"encoder_{samples_seen}.safetensors"
 
     def write_features(self, name: str, seed: int, samples_seen: int) -> None:
-        """Features of all recorded frames by that encoder, if they are not there."""
+        """Write the features of all recorded frames by that encoder, if they are missing."""
         weights = self.weights(name, seed, samples_seen)
         path = weights.with_name(f"features_{samples_seen}.npz")
         if not features_are_of(path, weights):
@@ -112,12 +118,12 @@ class Bench:
 
 
 def folder_of(name: str, seed: int) -> str:
-    """Where an encoder's files are, below the study's folder."""
+    """The folder of an encoder's files, inside that of the study."""
     return f"{name.replace(' ', '_')}_seed{seed}"
 
 
 def run_pca(bench: Bench, name: str) -> None:
-    """Fit a PCA encoder; its row, its weights and its features."""
+    """Fit a PCA encoder; write its row, its weights and its features."""
     kind, code = PCAS[name]
     begun, some = time.process_time(), bench.images[::PCA_EVERY]
     encoder = pca.fit(vision.make_autoencoder(kind, code), some)
@@ -129,9 +135,12 @@ def run_pca(bench: Bench, name: str) -> None:
 
 
 def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"):
-    """Train a CAE past `checkpoints` (in presentations), with a row for each that is missing.
+    """Train a CAE to all `checkpoints` (numbers of images seen), with a row for each missing one.
 
-    What is there is kept, and the training goes on from where its constant part stood.
+    A training that was stopped goes on from the last state with a constant rate.
+
+    Raises:
+        ConfigError: the stored training is already past a missing checkpoint.
     """
     kind, code = CAES[name]
     encoder, recipe = vision.make_autoencoder(kind, code), vision.AutoencoderRecipe(seed=seed)
@@ -171,7 +180,7 @@ def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"
 def keep(
     training: vision.AutoencoderTrainer, path: Path, spent: float, experiment: str = ""
 ) -> None:
-    """Store a training where it stands: weights, the optimiser's memory, steps and seconds."""
+    """Store the state of a training: weights, the optimiser's state, the step and the seconds."""
     tensors = {f"encoder.{name}": value for name, value in training.encoder.state_dict().items()}
     for i, memory in training.optimiser.state_dict()["state"].items():
         tensors |= {f"memory.{i}.{name}": value for name, value in memory.items()}
@@ -181,10 +190,10 @@ def keep(
 
 
 def restore(training: vision.AutoencoderTrainer, path: Path, experiment: str = "") -> float:
-    """Set a fresh training to what `keep` stored; the seconds spent until there.
+    """Set a fresh training to the state that `keep` stored, and return its seconds.
 
     Raises:
-        ArtefactError: it is another experiment's.
+        ArtefactError: the file is of another experiment.
     """
     tensors, about = artefacts.load_weights(path)
     if about.get("experiment") != experiment:
@@ -210,16 +219,16 @@ def restore(training: vision.AutoencoderTrainer, path: Path, experiment: str = "
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
           workers: int = 1, device: str = "cpu", long: bool = False,
           progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `encoders.csv`: all CAEs of a seed before the next, then PCAs.
+    """Make what is missing in `encoders.csv`: all CAEs of one seed, then of the next, then PCAs.
 
     Args:
         recording: folder of a recording, with its images.
-        folder: of the table.
-        work: weights and features of each encoder, and where its training stands.
-        checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
-        workers: encoders side by side.
-        device: where CAEs are trained; what they are worth is measured on the CPU.
-        long: go on to the lengths in `LONG`; what is drawn stays that of `checkpoints`.
+        folder: folder of the table.
+        work: folder for weights, features and unfinished trainings.
+        checkpoints: numbers of images seen, by name of the CAE; None for `CHECKPOINTS`.
+        workers: number of processes.
+        device: where CAEs are trained. They are scored on the CPU.
+        long: also train to the lengths in `LONG`. The reconstructions stay those of `checkpoints`.
     """
     drawn, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
     further = LONG if long else {}
@@ -235,9 +244,9 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
 
 def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
             device: str = "cpu") -> None:  # fmt: skip
-    """An encoder's rows and weights, which the bench writes, and the features for PTAE.
+    """Make an encoder's rows and weights, and the features for PTAE.
 
-    Features are written of the lengths in `IN_USE`, as far as it goes.
+    Features are written for the lengths in `IN_USE` that it reaches.
     """
     if name in PCAS:
         return run_pca(bench, name)
@@ -248,7 +257,7 @@ def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
 
 
 def write_reconstructions(bench: Bench, seed: int, checkpoints) -> None:
-    """`encoder_reconstructions.npz`: the images `DRAWN` as each encoder of a seed gives them."""
+    """Write `encoder_reconstructions.npz`: the images `DRAWN`, reconstructed by each encoder."""
     paths = {name: bench.weights(name, seed, max(own)) for name, own in checkpoints.items()}
     some = len(bench.images[::PCA_EVERY])
     paths |= {name: bench.weights(name, 0, some) for name in PCAS}

@@ -1,4 +1,4 @@
-"""Which samples get a label, and what the linear baseline learns from them."""
+"""Which samples have a label, and what the linear baseline learns from them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ptae_lite.training import label
 
 
 def chosen(samples: Samples, split: str, labels: Labels, seed: int) -> Int[np.ndarray, " M"] | None:
-    """Numbers of the samples of a split that have a label; None: all have."""
+    """Numbers of the samples of a split that have a label; None if all have one."""
     if labels.chosen == "random":
         return label(samples.split(split), labels.percent, seed)
     if labels.chosen == "covering":
@@ -22,10 +22,11 @@ def chosen(samples: Samples, split: str, labels: Labels, seed: int) -> Int[np.nd
 
 
 def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.ndarray, " M"]:
-    """As many labelled samples as `label` draws, chosen so that every word is named evenly.
+    """Draw as many labelled samples as `label`, but so that all words appear about equally often.
 
-    One after the other: of the samples whose words were named least so far, any one; a word of a
-    large class counts more, so the first six name all six colours. Synonyms are one word.
+    Samples are taken one after the other: always a random one of those whose words appeared least
+    so far. A word of a large class weighs more, so the first six samples have all six colours.
+    Synonyms count as one word.
     """
     count = len(label(train, share_percent, seed))
     left = np.random.default_rng([9, seed]).permutation(train)
@@ -42,7 +43,7 @@ def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.nd
 
 
 def linear_scores(samples: Samples, labelled, split: str = "test") -> dict[str, float]:
-    """Percent of a split that `baselines.linear_describe` says right, and of each word."""
+    """How often `baselines.linear_describe` is right on a split, in percent: sentences, and each word."""
     indices = samples.split(split)
     said = linear_describe(samples, labelled, indices)
     pairs = [(a, _meaning(samples, i)) for a, i in zip(said, indices, strict=True)]

@@ -1,7 +1,7 @@
-"""Experiments are run here, whichever study asks: trained once, scored, written down as they come.
+"""Runs the experiments of all studies: train each once, score it, and write the rows as they come.
 
 A `Study` is a list of experiments and a function that scores one. `run` makes the rows that its
-table lacks; so a study that was stopped goes on, and rows that are there are not made again.
+table lacks. So a study that was stopped goes on with the missing rows.
 """
 
 from __future__ import annotations
@@ -29,15 +29,19 @@ class Study:
     """What is trained for each row of a table, and what the row says.
 
     Attributes:
-        file: the table; its rows say what is done.
+        file: the table.
         key: the columns that name one job. A job is a tuple of their values.
-        experiment: gives, of `(samples, *job)`, what is trained; None where nothing is.
-        score: gives, of `(trained, samples, *job)`, the rows: a DataFrame, or several by file.
-        order: columns that the rows of the table are sorted by, where these are more than `key`.
-        companions: the same of further files that `score` has rows for.
-        see: gives, of `(samples, *job)`, what the job's training sees, where that is not `samples`.
-        watch: looks, as `watch(trained, samples, epoch)`, at a training from outside; what it gives
-            (but None) is kept in `about["watched"]`, with the seconds of training until then.
+        experiment: called as `experiment(samples, *job)`; returns what to train, or None for
+            nothing.
+        score: called as `score(trained, samples, *job)`; returns the rows: a DataFrame, or several
+            by file name.
+        order: columns by which the table is sorted; None for `key`.
+        companions: further files for which `score` has rows, and the columns by which they are
+            sorted.
+        see: called as `see(samples, *job)`; returns the samples for the training of a job. None for
+            the samples themselves.
+        watch: called as `watch(trained, samples, epoch)` after each epoch. Results other than None
+            are kept in `about["watched"]`, with the seconds of training so far.
     """
 
     file: str
@@ -52,12 +56,15 @@ class Study:
 
 def run(study: Study, samples: Samples, jobs: Iterable[tuple], folder, weights=None,
         **where) -> pd.DataFrame:  # fmt: skip
-    """Make the rows of `jobs` that the study's table in `folder` lacks; the whole table.
+    """Make the rows of `jobs` that the study's table in `folder` lacks; return the whole table.
 
     Args:
-        weights: a folder of trained models. What is there is not trained again, what is missing is
-            put there; none are looked for or kept if None.
-        where: the work is done, see `tables.run`.
+        weights: a folder of trained models. A model that is there is not trained again, and a new
+            one is stored there. None: models are neither looked for nor stored.
+        where: where the work is done, see `tables.run`.
+
+    Raises:
+        ArtefactError: the table, or a file of weights, belongs to something else.
     """
     table = Path(folder) / study.file
     done = tables.there(table, study.key)
@@ -88,7 +95,10 @@ def work(study: Study, samples: Samples, weights, job: tuple):
 
 
 def shared(study: Study, samples: Samples, jobs, weights) -> list[list[Experiment]]:
-    """What is trained before the jobs, since several need it: first that on which others build."""
+    """What to train before the jobs, because several of them need it.
+
+    It is a list of groups of experiments. A group needs the models of the groups before it.
+    """
     asked = [one for job in jobs if (one := study.experiment(samples, *job)) is not None]
     times = Counter(one.hash for one in asked)
     groups, some = [[one for one in asked if times[one.hash] > 1]], asked
@@ -107,7 +117,7 @@ def _train(asked: Experiment, samples: Samples, weights) -> None:
 
 
 def obtain(asked: Experiment, samples: Samples, weights=None, watch=None) -> Trained:
-    """The trained model of an experiment: of the folder `weights`, else trained and kept there."""
+    """The trained model of an experiment: read from the folder `weights`, or trained and stored."""
     trained = found(asked, weights)
     if trained is None or (watch is not None and "watched" not in trained.about):
         trained = fit(asked, samples, weights, watch)
@@ -117,7 +127,7 @@ def obtain(asked: Experiment, samples: Samples, weights=None, watch=None) -> Tra
 
 
 def found(asked: Experiment, weights) -> Trained | None:
-    """The trained model of an experiment, if it lies in the folder `weights`.
+    """The trained model of an experiment, if it is in the folder `weights`, else None.
 
     Raises:
         ArtefactError: a file of that name holds another training.
@@ -135,7 +145,7 @@ def found(asked: Experiment, weights) -> Trained | None:
 
 
 def differences(trained: Trained, asked: Experiment) -> str:
-    """In what a training differs from the one asked for, as far as its file tells."""
+    """How a training differs from the one asked for, as far as its file tells."""
     was = trained.about.get("recipe", {}) | vars(trained.model.config)
     wanted = vars(asked.recipe) | vars(asked.config)
     found = [
@@ -147,13 +157,17 @@ def differences(trained: Trained, asked: Experiment) -> str:
 
 
 def fit(asked: Experiment, samples: Samples, weights=None, watch=None, **options) -> Trained:
-    """Train an experiment. The model says in `about` which `experiment` it is, and the `seconds`
-    of computing that its training took.
+    """Train an experiment.
+
+    Its hash and the `seconds` of computing go to `about`.
 
     Args:
-        weights: where the experiment's base may lie.
+        weights: folder in which the model of the experiment's base may be.
         watch: see `Study`.
         options: `device` and `progress`, see `training.train`.
+
+    Raises:
+        ConfigError: the experiment is of other data.
     """
     if samples.fingerprint != asked.data:
         raise ConfigError(f"the experiment is of {asked.data}, not of {samples.fingerprint}")
@@ -187,7 +201,11 @@ def fit(asked: Experiment, samples: Samples, weights=None, watch=None, **options
 
 
 def check_names(asked: Sequence[str], there: Iterable[str], what: str) -> None:
-    """Refuse names that do not exist, with those that do."""
+    """Check that names exist.
+
+    Raises:
+        ConfigError: one does not. The message lists those that do.
+    """
     for name in asked:
         if name not in there:
             raise ConfigError(f"no {what} {name!r}; there are {'; '.join(there)}")

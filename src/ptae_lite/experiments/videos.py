@@ -1,8 +1,9 @@
-"""What a camera saw beside the recording: videos that an experiment is trained with, too.
+"""Videos other than the recorded ones, for trainings that also use them.
 
-A model that acts sees itself go off the recorded course. Either noise stands for that, or a model
-acts, in scenes of the training samples, and what it sees is held against the recorded motion of
-that scene (data aggregation, Ross et al. 2011, arXiv:1011.0686).
+A model that acts leaves the recorded course, and then sees what no recording shows. Two kinds of
+videos prepare it for this. Either noise is added to recorded videos. Or a model acts in scenes of
+training samples, and what it sees is paired with the recorded motion of that scene (data
+aggregation, Ross et al. 2011, arXiv:1011.0686). Ours, not in the paper.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ COUNT = 2  # noisy videos for each sample
 
 
 def make(asked: Experiment, samples: Samples, base: Trained | None) -> dict[int, list[np.ndarray]]:
-    """Videos by sample number, features (99, F) of each, as `training.train` takes them.
+    """Videos by sample number, features (99, F) each, as `training.train` takes them.
 
     Args:
-        base: whose own episodes they are; with half of the samples, another half in odd seeds.
+        base: the model that acts in `own episodes`. It acts in half of the samples: in one half
+            with even seeds, in the other with odd ones.
     """
     indices = samples.split(asked.split)
     if asked.videos == "noisy":
@@ -36,7 +38,7 @@ def make(asked: Experiment, samples: Samples, base: Trained | None) -> dict[int,
 
 
 def noisy(samples: Samples, indices, seed: int) -> dict[int, list[np.ndarray]]:
-    """Recorded videos with noise on the features, `COUNT` for each sample."""
+    """Recorded videos with noise on their features, `COUNT` for each sample."""
     rng, videos = np.random.default_rng([46, seed]), samples.features[:, :STEPS]
     spread = videos[indices].std((0, 1))
     return {
@@ -46,7 +48,7 @@ def noisy(samples: Samples, indices, seed: int) -> dict[int, list[np.ndarray]]:
 
 
 def seen_in_own_episodes(trained: Trained, samples: Samples, indices) -> dict[int, np.ndarray]:
-    """What the model's camera saw in its own episodes with samples: features (99, F) of each."""
+    """What a model's camera sees in its own episodes: features (99, F) by sample number."""
     encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
     videos = {}
     for task in tasks_in(samples, indices):

@@ -1,4 +1,4 @@
-"""Every claim of the paper about few labels: where it is read, and where it is shown."""
+"""Every claim of the paper about few labels: how it is tested, and where the book shows it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ REMARKS = {  # by model, task, experiment and share
 
 
 def _with_few_labels() -> list[ClaimTest]:
-    """What the text says in numbers of few labels, share by share, but for the regular model."""
+    """The claims with numbers for few labels, share by share, without the regular model."""
     found = []
     for (model, column, mode), by_share in reported.BY_SHARE.items():
         for share, claim in by_share.items():

@@ -1,7 +1,7 @@
-"""The figures of the first chapters: rows of camera images, the arm, joints and cubes in motion.
+"""Figures of the simulation: rows of camera images, the arm, and the motion of joints and cubes.
 
-Each function returns a matplotlib figure that is off pyplot's list: a notebook shows it once, where
-it is a cell's last line.
+Each function returns a closed matplotlib figure. A notebook shows it once, if it is the last line
+of a cell.
 """
 
 from __future__ import annotations
@@ -32,10 +32,14 @@ def grid(
     groups: Sequence[int] | None = None,
     width_in: float = 7.0,
 ) -> Figure:
-    """Rows of images (H x W x 3 bytes, all alike) with a label before each row.
+    """Rows of images (H x W x 3 bytes, all of one size), with a label before each row.
 
-    `headings` stand over the columns; where `groups` says how many columns belong together, one
-    over each group. Raises `PTAEError` for rows of different lengths.
+    Args:
+        headings: over the columns, or over the groups.
+        groups: how many columns belong together.
+
+    Raises:
+        PTAEError: the rows have different lengths.
     """
     columns, (height, width, _) = next((len(row), np.shape(row[0])) for row in rows.values())
     edges = np.cumsum([0, *(groups or [1] * columns)])
@@ -68,7 +72,13 @@ def arm_drawing(
     path_m: Float[np.ndarray, "T 3"] | None = None,
     sticks_rad: Sequence[Float[np.ndarray, " 5"]] = (),
 ) -> Figure:
-    """The robot and the cubes at one instant; the fingertips' path, other poses as sticks."""
+    """The robot and the cubes at one instant.
+
+    Args:
+        cubes: poses of the left and the right cube: position in metres, quaternion x y z w.
+        path_m: a path of the fingertips to draw.
+        sticks_rad: further poses, drawn as lines.
+    """
     links = {name: pose[0] for name, pose in arm.link_transforms(joints_rad[None]).items()}
     links |= {"world": np.eye(4), "a": np.eye(4), "b": np.eye(4)}
     shapes = [shape for shape in arm.SHAPES if shape.drawn]
@@ -99,7 +109,7 @@ def arm_drawing(
 
 
 def _lit(shape: arm.Shape, links):
-    """A shape's faces in the world, as polygons with their colours."""
+    """The faces of a shape in the world, as polygons with their colours."""
     turned = np.eye(3)
     for axis, angle in zip(np.eye(3), shape.rpy, strict=True):
         turned = arm.rotation(axis, [angle])[0] @ turned
@@ -113,9 +123,9 @@ def _lit(shape: arm.Shape, links):
 
 
 def _faces(shape: arm.Shape) -> list[np.ndarray]:
-    """The outline of a shape: rings along z, with sides between them, and two caps.
+    """The surface of a shape: rings along z with faces between them, and two caps.
 
-    All have four corners. matplotlib pads unequal ones with memory that it never set.
+    All faces have four corners. matplotlib fills up unequal ones with memory that it never set.
     """
     turn, size = np.linspace(0, 2 * pi, 17), np.array(shape.size)
     ring = size[0] * np.stack([np.cos(turn), np.sin(turn)], 1)
@@ -134,7 +144,7 @@ def _faces(shape: arm.Shape) -> list[np.ndarray]:
 
 
 def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None, **axis) -> Figure:
-    """Named curves (x, y), and `dots` likewise; `axis` goes to matplotlib's `Axes.set`."""
+    """Named curves (x, y), and named points as `dots`. `axis` goes to matplotlib's `Axes.set`."""
     figure, axes = plt.subplots(figsize=(6.4, 2.3))
     for (name, (x, y)), dash in zip(curves.items(), ("-", "--", "-.", ":") * 2, strict=False):
         axes.plot(x, y, dash, label=name)
@@ -146,7 +156,7 @@ def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None,
 
 
 def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
-    """The five joints over time in degrees, a panel each; a group of tracks has one colour."""
+    """The five joints over time in degrees, a panel each. A group of clips has one colour."""
     figure, row = plt.subplots(1, len(arm.JOINTS), figsize=(7.4, 2.1), sharex=True)
     for (j, axes), (g, (name, tracks)) in product(enumerate(row), enumerate(groups.items())):
         for k, track in enumerate(tracks):
@@ -159,7 +169,7 @@ def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
 
 
 def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
-    """How far cubes went, in mm: a row for each action, in it a dot for each sample and cube."""
+    """How far cubes moved, in mm: a row for each action, with a dot for each sample and cube."""
     figure, axes = plt.subplots(figsize=(6.4, 2.0))
     for i, cubes in enumerate(rows.values()):
         for c, (name, far) in enumerate(cubes.items()):
