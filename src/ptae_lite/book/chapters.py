@@ -1,7 +1,7 @@
 """Which files are chapters: those in the table of contents "Chapters" of `index.md`.
 
-Whatever else lies beside them, such as a copy that a reader made in JupyterLab, is the reader's
-own: it is no chapter, no page and no test, and whoever leaves it out says so.
+Other files beside them, such as a copy that a reader made in JupyterLab, belong to the reader. They
+are no chapter, no page and no test, and a command that leaves them out says so.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ _TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
 def chapter_names(book: Path) -> list[str]:
-    """The chapters' names ("01_simulation"). Raises `ArtefactError` where there are none."""
+    """The chapters' names, such as "01_simulation".
+
+    Raises:
+        ArtefactError: `index.md` lists no chapters.
+    """
     for options, named in _tables(Path(book) / "index.md"):
         if ":caption: Chapters" in options and named:
             return named
@@ -24,7 +28,11 @@ def chapter_names(book: Path) -> list[str]:
 
 
 def chapter_files(book: Path, names: list[str] | None = None) -> list[Path]:
-    """The chapters' sources in order; `names` ("01_simulation") restricts them."""
+    """The chapters' sources, in order; with `names`, only those.
+
+    Raises:
+        ArtefactError: there is no such chapter.
+    """
     there = chapter_names(book)
     wanted = [Path(name).stem for name in names] if names else there
     for name in wanted:
@@ -34,7 +42,7 @@ def chapter_files(book: Path, names: list[str] | None = None) -> list[Path]:
 
 
 def page_names(book: Path) -> set[str]:
-    """Every page of the site: `index`, and what can be reached from it ("api/data")."""
+    """Every page of the site, such as "api/data": `index`, and all that it leads to."""
     found, todo = set(), ["index"]
     while todo:
         page = todo.pop()
@@ -60,13 +68,13 @@ def left_out(book: Path) -> list[str]:
 
 
 def notice(book: Path) -> str:
-    """One line that names what is left out, or nothing."""
+    """A line that names the files that are left out; empty if there are none."""
     names = left_out(book)
     return f"Left out, since index.md does not list them: {', '.join(names)}" if names else ""
 
 
 def _tables(page: Path) -> list[tuple[list[str], list[str]]]:
-    """The tables of contents of a page, each with its options and the documents it names."""
+    """The tables of contents of a page: the options and the documents of each."""
     text = page.read_text(encoding="utf-8") if page.is_file() else ""
     tables = []
     for body in _TOCTREE.findall(text):

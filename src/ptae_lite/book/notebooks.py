@@ -1,10 +1,10 @@
 """Write the notebook twins of the chapters: `python3 run.py notebooks [NAME ...]`.
 
-A chapter is a pair. `NN_name.md` (MyST Markdown) is the source that people edit and review;
-`NN_name.ipynb` has the same cells with their outputs, for readers who look at the notebook where
-nothing runs. This command makes the second from the first. The same cells with the same outputs
-give the same bytes, so a difference in a twin always means something. A twin knows which cells it
-was written with: cells that a reader changed in it alone are never overwritten unasked.
+A chapter is a pair of files. `NN_name.md` (MyST Markdown) is the source, which people edit and
+review. `NN_name.ipynb` has the same cells with their outputs, for readers who look at it where
+nothing runs. This command makes the second from the first. The same cells and outputs give the same
+bytes, so a difference in a twin always means something. A twin stores a hash of its cells. So cells
+that a reader changed only in the twin are never overwritten without being asked.
 """
 
 from __future__ import annotations
@@ -38,11 +38,15 @@ TIMEOUT_S = 600  # for a cell
 LANGUAGE = {"name": "python", "file_extension": ".py", "nbconvert_exporter": "python"}
 # Not in the sources: saving one in JupyterLab would write there what this machine calls its Python.
 KERNEL = {"name": "python3", "language": "python", "display_name": "Python 3"}
-STAMP = "ptae_lite"  # in a twin's metadata: the cells it was written with
+STAMP = "ptae_lite"  # key in a twin's metadata: the hash of the cells it was written with
 
 
 def read(md: Path) -> NotebookNode:
-    """A chapter's source as a notebook without outputs."""
+    """A chapter's source as a notebook without outputs.
+
+    Raises:
+        ArtefactError: the file is missing.
+    """
     if not md.is_file():
         raise ArtefactError(
             f"{md} is missing; write it from its notebook: run.py notebooks {md.stem} --from ipynb"
@@ -51,7 +55,7 @@ def read(md: Path) -> NotebookNode:
 
 
 def execute(notebook: NotebookNode, folder: Path) -> None:
-    """Run every cell in `folder`, in the default tier whatever the caller's environment says."""
+    """Run every cell in `folder`, in the default tier whatever the environment says."""
     env = {**os.environ, "PTAE_TIER": "replay", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
     env["PTAE_STATIC"] = "0"  # a twin is for JupyterLab, whose kernel answers the sliders
     env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib dates its SVG files; so every run gets the same
@@ -63,7 +67,7 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
 
 
 def clean(notebook: NotebookNode) -> None:
-    """Drop from a notebook what does not belong into the repository."""
+    """Remove from a notebook what must not be in the repository."""
     notebook.metadata.pop("widgets", None)
     notebook.metadata["language_info"] = dict(LANGUAGE)
     notebook.metadata["kernelspec"] = dict(KERNEL)
@@ -97,7 +101,7 @@ def _clean_bundle(bundle: dict) -> None:
 
 
 def set_ids(notebook: NotebookNode) -> None:
-    """Name each cell after its content, so that inserting a cell leaves the other names alone."""
+    """Give each cell an id made from its content, so a new cell does not change the others."""
     seen = Counter()
     for cell in notebook.cells:
         content = f"{cell.cell_type}\n{cell.source}"
@@ -106,7 +110,11 @@ def set_ids(notebook: NotebookNode) -> None:
 
 
 def to_bytes(notebook: NotebookNode, name: str) -> bytes:
-    """The notebook as it stands in its file; an `ArtefactError` where it is too large."""
+    """The notebook as the bytes of its file.
+
+    Raises:
+        ArtefactError: it is too large.
+    """
     nbformat.validate(notebook)
     data = nbformat.writes(notebook).encode() + b"\n"
     if len(data) > LIMIT_BYTES:
@@ -115,7 +123,7 @@ def to_bytes(notebook: NotebookNode, name: str) -> bytes:
 
 
 def write(md: Path) -> Path:
-    """Run a chapter and write its twin, which stays as it was when anything fails."""
+    """Run a chapter and write its twin. If anything fails, the twin stays as it was."""
     notebook = read(md)
     execute(notebook, md.parent.resolve())
     clean(notebook)
@@ -129,7 +137,7 @@ def write(md: Path) -> Path:
 
 
 def fingerprint(notebook: NotebookNode) -> str:
-    """A hash of what a reader can write: the cells' types, sources and tags."""
+    """A hash of the cells' types, sources and tags."""
     return hashlib.sha256(json.dumps(_written(notebook)).encode()).hexdigest()[:16]
 
 
@@ -139,9 +147,9 @@ def _written(notebook: NotebookNode) -> list[tuple]:
 
 
 def edits(md: Path) -> str:
-    """The cells in which a pair differs where its twin was edited, in words; or nothing.
+    """The cells in which a pair differs because its twin was edited, in words; else empty.
 
-    A twin that is as this module wrote it holds nothing of a reader's: only the source is new.
+    A twin that is unchanged since this module wrote it has no edits: only the source is new.
     """
     twin = _twin(md)
     if twin is None or twin.metadata.get(STAMP, {}).get("cells") == fingerprint(twin):
@@ -160,7 +168,11 @@ def edits(md: Path) -> str:
 
 
 def _twin(md: Path) -> NotebookNode | None:
-    """A chapter's twin, if there is one."""
+    """A chapter's twin, if there is one.
+
+    Raises:
+        ArtefactError: the file is not a notebook.
+    """
     ipynb = md.with_suffix(".ipynb")
     if not ipynb.exists():
         return None
@@ -174,7 +186,11 @@ def _twin(md: Path) -> NotebookNode | None:
 
 
 def refuse_edited(mds: list[Path]) -> None:
-    """Raise `ArtefactError` where a twin holds what a reader wrote and its source lacks."""
+    """Check that no twin has cells that a reader wrote and the source lacks.
+
+    Raises:
+        ArtefactError: one has.
+    """
     found = {md: words for md in mds if (words := edits(md))}
     if found:
         raise ArtefactError("\n".join(
@@ -185,7 +201,11 @@ def refuse_edited(mds: list[Path]) -> None:
 
 
 def take_cells(md: Path) -> None:
-    """Write a chapter's source from its twin: the twin's cells below the source's own header."""
+    """Write a chapter's source from the cells of its twin. The source's header stays.
+
+    Raises:
+        ArtefactError: the twin is missing.
+    """
     twin = _twin(md)
     if twin is None:
         raise ArtefactError(f"{md.with_suffix('.ipynb')} is missing, so nothing is taken from it.")
@@ -198,7 +218,10 @@ def take_cells(md: Path) -> None:
 
 
 def compare(md: Path, ipynb: Path) -> list[str]:
-    """Where a pair differs in its cells' types, sources or tags, in words; outputs do not count."""
+    """The differences of a pair in its cells' types, sources or tags, in words.
+
+    Outputs do not count.
+    """
     sources, twins = read(md).cells, nbformat.read(ipynb, as_version=4).cells
     differences = []
     if len(sources) != len(twins):

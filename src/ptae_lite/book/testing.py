@@ -1,4 +1,4 @@
-"""Is this clone sound? Unit tests, and every notebook: `python3 run.py test`."""
+"""Run the unit tests and every notebook: `python3 run.py test`."""
 
 from __future__ import annotations
 
@@ -16,16 +16,19 @@ from ptae_lite.book.finding import ROOT, starter
 from ptae_lite.pipes import piped
 from ptae_lite.run_mode import TIERS
 
-EXTRAS = ("bert", "cluster", "course")  # of pyproject.toml, what some of all tests need
+EXTRAS = ("bert", "cluster", "course")  # extras of pyproject.toml that some tests need
 EXTRAS_STAMP = Path(".venv", "extras.sha256")
 NOT_QUICK = ("browser", "stops", "slow", "extras")  # markers of tests that only --all runs
-WORKERS = 8  # at most: each takes half a GB, and the longest file decides how long it takes
+WORKERS = 8  # at most: each takes half a GB, and more save no time beside the longest file
 
 
 def call(module: str, *arguments, log: str | None = None) -> int:
-    """Run a module in the repository and wait for it; Ctrl-C is for it to answer.
+    """Run a module in the repository and wait for it; returns its exit code.
 
-    What it says on the error stream goes to build/logs/LOG.log where a name is given.
+    The module handles Ctrl-C itself.
+
+    Args:
+        log: write its error stream to build/logs/LOG.log.
     """
     command = [sys.executable, "-m", module, *map(str, arguments)]
     if log:
@@ -43,11 +46,12 @@ def call(module: str, *arguments, log: str | None = None) -> int:
 
 
 def build_book() -> int:
+    """Build the site; returns the exit code."""
     return call("ptae_lite.book.site")
 
 
 def ensure_extras(root: Path = ROOT) -> None:
-    """Install what the extras bring into .venv/; what environment.txt pins stays as it is."""
+    """Install the packages of the extras into .venv/. The pins of environment.txt stay."""
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = [one for extra in EXTRAS for one in project["optional-dependencies"][extra]]
     pinned = (root / "environment.txt").read_text(encoding="utf-8")
@@ -66,12 +70,13 @@ def ensure_extras(root: Path = ROOT) -> None:
 
 
 def cores() -> int:
+    """How many cores this process may use."""
     usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
     return len(usable(0))
 
 
 def phases(everything: bool) -> dict[str, list[str]]:
-    """What pytest is given for each group of tests, in the order in which they run."""
+    """The arguments of pytest for each group of tests, in order."""
     # The tests of a file share what is costly, the cells of a notebook a kernel: one worker's.
     together, names = ["--dist", "loadfile"], [f"not {name}" for name in NOT_QUICK]
     nbval = ["--nbval-lax", "--nbval-cell-timeout=300"]
@@ -82,7 +87,7 @@ def phases(everything: bool) -> dict[str, list[str]]:
 
 
 def counts(junit: Path) -> str:
-    """How many tests a file of results counts; nothing where pytest did not come to its end."""
+    """How many tests failed, passed or were skipped; empty if pytest did not end."""
     if not junit.exists():
         return ""
     suite = next(ElementTree.parse(junit).iter("testsuite")).attrib
@@ -93,7 +98,7 @@ def counts(junit: Path) -> str:
 
 
 def run_phase(name: str, options: list[str]) -> tuple[int, str]:
-    """How pytest ended in a phase, and how many tests it ran or where that is said."""
+    """Run a group of tests; returns pytest's exit code, and the counts or the name of the log."""
     file = name.split()[0]
     junit = ROOT / "build" / f"junit-{file}.xml"
     junit.unlink(missing_ok=True)  # of an earlier run
@@ -105,6 +110,11 @@ def run_phase(name: str, options: list[str]) -> tuple[int, str]:
 
 
 def run_phases(everything: bool) -> int:
+    """Run all groups of tests; returns 0 if all passed.
+
+    Args:
+        everything: also the tests that `--all` adds.
+    """
     start, results = time.monotonic(), {}
     if everything:
         ensure_extras()

@@ -43,7 +43,7 @@ def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.nd
 
 
 def linear_scores(samples: Samples, labelled, split: str = "test") -> dict[str, float]:
-    """How often `baselines.linear_describe` is right on a split, in percent: sentences, and each word."""
+    """Percentage of a split for which `baselines.linear_describe` is right; and of each word."""
     indices = samples.split(split)
     said = linear_describe(samples, labelled, indices)
     pairs = [(a, _meaning(samples, i)) for a, i in zip(said, indices, strict=True)]

@@ -1,6 +1,6 @@
-"""Commands side by side: `python -m ptae_lite.reproduce.run_parallel MODULE ... + MODULE ...`.
+"""Run commands side by side: `python -m ptae_lite.reproduce.run_parallel MODULE ... + MODULE ...`.
 
-A study that ends in one long training leaves the other cores free for the next study.
+A study often ends with one long training. The next study then uses the other cores.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ def commands(words: list[str]) -> list[list[str]]:
 
 
 def main(arguments: list[str]) -> int:
-    """Run each command to its end; 0 if none failed."""
+    """Run each command to its end; returns 0 if none failed."""
     running = [subprocess.Popen([sys.executable, "-m", *words]) for words in commands(arguments)]
     try:
         return int(any([process.wait() for process in running]))  # a list: all are waited for
