@@ -1,5 +1,6 @@
 """Which files are chapters: those in the table of contents "Chapters" of `index.md`.
 
+Beside them stand the pages of "In depth", which are notebooks in pairs, like the chapters.
 Other files beside them, such as a copy that a reader made in JupyterLab, belong to the reader. They
 are no chapter, no page and no test, and a command that leaves them out says so.
 """
@@ -12,6 +13,7 @@ from pathlib import Path
 from ptae_lite.errors import ArtefactError
 
 EXERCISES = "exercises"  # a folder of the book that holds no pages
+IN_DEPTH, DEPTH_CAPTION = "in_depth", "In depth"  # a folder, and its heading in the site's menu
 _TOCTREE = re.compile(r"^```\{toctree\}\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -27,18 +29,31 @@ def chapter_names(book: Path) -> list[str]:
     raise ArtefactError(f"{Path(book, 'index.md')} lists no chapters; the book's own does.")
 
 
-def chapter_files(book: Path, names: list[str] | None = None) -> list[Path]:
-    """The chapters' sources, in order; with `names`, only those.
+def in_depth_names(book: Path) -> list[str]:
+    """The pages of the table "In depth" ("in_depth/02_encoders"), of which there may be none."""
+    for options, named in _tables(Path(book) / "index.md"):
+        if f":caption: {DEPTH_CAPTION}" in options:
+            return named
+    return []
+
+
+def chapter_files(book: Path) -> list[Path]:
+    """The chapters' sources in order."""
+    return [Path(book, f"{name}.md") for name in chapter_names(book)]
+
+
+def notebook_files(book: Path, names: list[str] | None = None) -> list[Path]:
+    """The sources of the chapters, then of the pages in depth; with `names`, only those.
 
     Raises:
-        ArtefactError: there is no such chapter.
+        ArtefactError: there is no such chapter or page.
     """
-    there = chapter_names(book)
-    wanted = [Path(name).stem for name in names] if names else there
+    there = {Path(name).stem: name for name in [*chapter_names(book), *in_depth_names(book)]}
+    wanted = [Path(name).stem for name in names] if names else list(there)
     for name in wanted:
         if name not in there:
             raise ArtefactError(f"No chapter {name} in {book}; there are: {', '.join(there)}.")
-    return [Path(book, f"{name}.md") for name in wanted]
+    return [Path(book, f"{there[name]}.md") for name in wanted]
 
 
 def page_names(book: Path) -> set[str]:

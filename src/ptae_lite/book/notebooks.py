@@ -24,7 +24,8 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellControlSignal, DeadKernelError
 from nbformat import NotebookNode
 
-from ptae_lite.book.chapters import chapter_files, notice
+from ptae_lite.book import numbers
+from ptae_lite.book.chapters import notebook_files, notice
 from ptae_lite.errors import ArtefactError, FileError
 from ptae_lite.files import atomic_write
 from ptae_lite.pipes import piped
@@ -38,6 +39,7 @@ TIMEOUT_S = 600  # for a cell
 LANGUAGE = {"name": "python", "file_extension": ".py", "nbconvert_exporter": "python"}
 # Not in the sources: saving one in JupyterLab would write there what this machine calls its Python.
 KERNEL = {"name": "python3", "language": "python", "display_name": "Python 3"}
+FOLDED = {"hide-input", "remove-input"}  # tags of cells whose code a page folds or leaves out
 STAMP = "ptae_lite"  # key in a twin's metadata: the hash of the cells it was written with
 
 
@@ -67,13 +69,15 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
 
 
 def clean(notebook: NotebookNode) -> None:
-    """Remove from a notebook what must not be in the repository."""
+    """Remove from a notebook what must not be in the repository; fold the code a page folds."""
     notebook.metadata.pop("widgets", None)
     notebook.metadata["language_info"] = dict(LANGUAGE)
     notebook.metadata["kernelspec"] = dict(KERNEL)
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.metadata.pop("execution", None)
+            if FOLDED & set(cell.metadata.get("tags", [])):
+                cell.metadata["jupyter"] = {"source_hidden": True}  # as JupyterLab says it
             cell.outputs = _clean_outputs(cell.outputs)
 
 
@@ -123,14 +127,27 @@ def to_bytes(notebook: NotebookNode, name: str) -> bytes:
 
 
 def write(md: Path) -> Path:
-    """Run a chapter and write its twin. If anything fails, the twin stays as it was."""
+    """Run a chapter, renew the numbers in its text and write its twin.
+
+    If anything fails, both files stay as they were.
+    """
     notebook = read(md)
+    numbers.ask(notebook)
     execute(notebook, md.parent.resolve())
+    values = numbers.take(notebook)
+    in_order = iter(values)
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = numbers.fill(cell.source, in_order)
     clean(notebook)
     set_ids(notebook)
     notebook.metadata[STAMP] = {"cells": fingerprint(notebook)}
     ipynb = md.with_suffix(".ipynb")
     content = to_bytes(notebook, ipynb.name)
+    if values:
+        source = numbers.fill(md.read_text(encoding="utf-8"), iter(values))
+        with atomic_write(md) as temporary:
+            temporary.write_text(source, encoding="utf-8", newline="\n")
     with atomic_write(ipynb) as temporary:
         temporary.write_bytes(content)
     return ipynb
@@ -239,7 +256,9 @@ def parser() -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(
         prog="run.py notebooks", description="Run chapters and write their .ipynb twins."
     )
-    made.add_argument("names", nargs="*", metavar="NAME", help="chapters, such as 01_simulation")
+    made.add_argument(
+        "names", nargs="*", metavar="NAME", help="chapters or pages in depth, such as 01_simulation"
+    )
     made.add_argument("--from", dest="side", choices=("md", "ipynb"),
                       help="whose cells to keep where the .ipynb alone was edited")  # fmt: skip
     return made
@@ -249,7 +268,7 @@ def main(argv: list[str]) -> int:
     args = parser().parse_args(argv)
     book = Path("book")
     try:
-        chosen = chapter_files(book, args.names)
+        chosen = notebook_files(book, args.names)
         if args.side is None:
             refuse_edited(chosen)
         if line := notice(book):

@@ -12,6 +12,7 @@ import tomllib
 from pathlib import Path
 from xml.etree import ElementTree
 
+from ptae_lite.book.chapters import IN_DEPTH
 from ptae_lite.book.finding import ROOT, starter
 from ptae_lite.pipes import piped
 from ptae_lite.run_mode import TIERS
@@ -80,6 +81,8 @@ def phases(everything: bool) -> dict[str, list[str]]:
     # The tests of a file share what is costly, the cells of a notebook a kernel: one worker's.
     together, names = ["--dist", "loadfile"], [f"not {name}" for name in NOT_QUICK]
     nbval = ["--nbval-lax", "--nbval-cell-timeout=300"]
+    if not everything:
+        nbval.append(f"--ignore=book/{IN_DEPTH}")
     found = {"unit tests": ["-m", "not browser" if everything else " and ".join(names), *together]}
     if everything:  # pages are looked at one by one, by the worker that is free
         found["pages in a browser"] = ["-m", "browser", "--dist", "worksteal"]
@@ -125,8 +128,8 @@ def run_phases(everything: bool) -> int:
     print(f"\n{'FAILED' if failed else 'Passed'} in {(time.monotonic() - start) / 60:.1f} min: "
           + "; ".join(f"{name} {'FAILED ' * bool(status)}{said}".strip()
                       for name, (status, said) in results.items())
-          + ("." if everything else f". Left out: tests marked {', '.join(NOT_QUICK)}; "
-             f"{starter()} test --all runs them, too."))  # fmt: skip
+          + ("." if everything else f". Left out: tests marked {', '.join(NOT_QUICK)}, and the "
+             f"cells of the pages in depth; {starter()} test --all runs them, too."))  # fmt: skip
     return 1 if failed else 0
 
 

@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 from ptae_lite.artefacts import ROOT
-from ptae_lite.book.chapters import chapter_files
+from ptae_lite.book.chapters import notebook_files
 
 SOURCE = Path(__file__).resolve().parents[1]
 ASIDE = (
@@ -45,8 +45,11 @@ def library() -> str:
 
 
 def chapters(book: Path = ROOT / "book") -> dict[str, str]:
-    """Hash of each chapter's source."""
-    return {path.stem: of_files([path], book) for path in chapter_files(book)}
+    """Hash of the source of each chapter and each page in depth."""
+    return {
+        path.relative_to(book).with_suffix("").as_posix(): of_files([path], book)
+        for path in notebook_files(book)
+    }
 
 
 def environment(root: Path = ROOT) -> str:
