@@ -150,7 +150,7 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "versions": {"python": platform.python_version()} | _versions(),
     }
     if path.suffix == ".safetensors":  # of which experiment; those of before it had a hash say so
-        with suppress(ArtefactError):  # whoever loads the file is told what is wrong with it
+        with suppress(ArtefactError):  # a damaged file is reported when it is loaded
             entries[name]["experiment"] = load_weights(path)[1].get("experiment", EARLIER)
     _write_manifest(entries, data)
     return entries[name]

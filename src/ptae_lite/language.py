@@ -171,7 +171,7 @@ class Pattern:
 
     @property
     def target_colour(self) -> str:
-        """The colour in the sentence: that of the cube which the arm moves."""
+        """The colour of the cube that the arm moves, which the sentence names."""
         return self.left if self.side == "left" else self.right
 
     @property
@@ -181,12 +181,12 @@ class Pattern:
 
     @property
     def frames(self) -> int:
-        """Clip length T: 100 frames for `slowly`, 50 for `fast`."""
+        """Clip length T, 100 frames for `slowly` and 50 for `fast`."""
         return 100 if self.speed == "slowly" else 50
 
     @property
     def action_index(self) -> int:
-        """Which of the 12 actions this is (action word, side, speed): 0 to 11."""
+        """Which of the 12 actions (action word, side, speed) this is, 0 to 11."""
         in_speed = SPEEDS.index(self.speed) * len(SIDES) + SIDES.index(self.side)
         return in_speed * len(ACTIONS) + ACTIONS.index(self.action)
 

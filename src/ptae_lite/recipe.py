@@ -27,7 +27,7 @@ class Recipe:
     # ours; 5 would be the paper's text, which sums over joints where its code averages
     action_weight: float = 10.0
     hold_steps: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
-    mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.mixup`
+    mixup: bool = True  # ours; clips of describe are mixed in pairs, see `signals.mixup`
     supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
     p_congruent_input: float = (
         0.0  # ours; share of samples with a true extra input, see `signals.build`

@@ -18,7 +18,7 @@ GOOD, WARNING, PROBLEM = "good", "warning", "PROBLEM"
 class Finding(NamedTuple):
     """One line of the doctor.
 
-    Attributes:
+    Args:
         what: what was checked.
         state: `GOOD`, `WARNING` or `PROBLEM`.
         says: an explanation.

@@ -109,7 +109,7 @@ def epoch_batches(
 class TrainingBatch(NamedTuple):
     """The batch of one training step.
 
-    Attributes:
+    Args:
         inputs: inputs and targets.
         paired: samples with a label: the model may use that sentence and clip belong together.
         supervised: number of labelled samples that drew a signal which needs the label.

@@ -46,7 +46,7 @@ VIDEOS = {
     "dagger": ("own episodes", "watching_policy"),
 }  # and the model that acts in them
 OF_FAMILY = {"ptae": "PTAE", "ptae_first_frame": "PTAE, frozen video"}  # the same trainings
-SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # what chapter 06 tells of a model
+SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # the conditions that chapter 06 shows
 SHOWN |= {"ptae_first_frame": ("test",), "one_look_policy": tuple(CONDITIONS)}
 FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
 

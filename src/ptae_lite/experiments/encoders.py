@@ -33,7 +33,7 @@ from ptae_lite.vision import pca
 
 CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
 PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pca", 30)}
-# In presentations; 0 is the untrained encoder. 166,960 images cost a plain CAE the arithmetic that
+# In images seen; 0 is the untrained encoder. 166,960 images cost a plain CAE the arithmetic that
 # 64,000 cost the separated one. The book's two encoders have seen 128,000.
 CHECKPOINTS = {
     "separated 3x10": (0, 32_000, 64_000, 128_000),

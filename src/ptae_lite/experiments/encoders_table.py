@@ -9,7 +9,7 @@ import pandas as pd
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import encoders
 
-EQUAL = {  # presentations of each encoder in the two fair comparisons
+EQUAL = {  # images seen by each encoder in the two fair comparisons
     "images seen": encoders.EQUAL_SAMPLES_SEEN,
     "compute": encoders.EQUAL_COMPUTE,
 }

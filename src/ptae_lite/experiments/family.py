@@ -29,7 +29,7 @@ from ptae_lite.models.checkpoint import Trained
 class Variant(NamedTuple):
     """What is trained: a model, and how it differs from the regular one.
 
-    Attributes:
+    Args:
         choices: settings of its configuration.
         recipe: settings of its recipe.
     """

@@ -54,7 +54,7 @@ ANSWERS_WORDS = ("describe", "repeat language")
 class Condition(NamedTuple):
     """A signal, and what is put into its extra input.
 
-    Attributes:
+    Args:
         conflict_in: where the conflict is, one of `PLACES`; or a control without a conflict: `none`
             (the regular input), `congruent` (the conflict's format with the sample's own sentence
             or clip), `congruent_other` (with another wording of the sentence, or the clip of

@@ -45,7 +45,7 @@ KEY = [*TRAINING, "signal", "conflict_in", "conflicts", "aspects"]
 class Variant(NamedTuple):
     """How a model and its training differ from the regular ones.
 
-    Attributes:
+    Args:
         choices: settings of its configuration.
         recipe: settings of its recipe.
     """

@@ -29,7 +29,7 @@ REGULAR = MODELS["ptae"].recipe
 class Choice(NamedTuple):
     """A recipe to compare.
 
-    Attributes:
+    Args:
         says: what it changes, in words.
         changes: the settings of the recipe that it changes.
     """

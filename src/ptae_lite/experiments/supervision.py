@@ -52,7 +52,7 @@ SHOWN = 6  # test clips whose descriptions are kept
 class Variant(NamedTuple):
     """How labelled samples are used.
 
-    Attributes:
+    Args:
         recipe: settings of the recipe to change.
         times: factor on the number of epochs.
     """
@@ -76,7 +76,7 @@ VARIANTS = {
 class Job(NamedTuple):
     """One row to make. The regular training stands in two rows.
 
-    Attributes:
+    Args:
         model: `ptae`, `pgae`, `pvae` or `linear`.
         mode: `samples` or `iterations`.
         variant: a name in `VARIANTS`; for `linear`, how its labels are drawn.

@@ -26,7 +26,7 @@ DISPLACED_M = 2 * PLACE_JITTER_M  # from the middle of the places that training 
 class Task(NamedTuple):
     """One episode to act: the scene, the sentence, and what would be right.
 
-    Attributes:
+    Args:
         sample: its number, or that of the sample from which it was made.
         stage: the scene.
         instruction: the sentence; None for a blank one.

@@ -16,7 +16,7 @@ from ptae_lite.language import VOCABULARY, WORD_INDEX, Meaning, words_of
 class Answer(NamedTuple):
     """What a model says and does.
 
-    Attributes:
+    Args:
         words: logarithms of the word probabilities, 4 steps.
         joints: poses 2 to 100 in network units.
         code: what both decoders start from.

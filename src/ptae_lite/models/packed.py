@@ -19,7 +19,7 @@ from torch.autograd.function import once_differentiable
 class Packed(NamedTuple):
     """Sequences of different lengths as R rows, step after step, the longest sequence first.
 
-    Attributes:
+    Args:
         order: the samples, the longest first.
         sample: the sample of each row.
         step: the step of each row.

@@ -70,7 +70,7 @@ class PVAEConfig:
 
     @property
     def mix(self) -> Mix:
-        """The signals that it is trained on: both halves repeat their input."""
+        """The signals that it is trained on. Both halves repeat their input."""
         both = (("repeat both",), ("repeat both",))
         return Mix(regular=both, limited=both)
 

@@ -13,7 +13,7 @@ AT_LEAST, AT_MOST = "at least", "at most"
 class PaperNumber(NamedTuple):
     """One number of the paper.
 
-    Attributes:
+    Args:
         value: in percent.
         says: how the text puts it.
         section: where it stands.

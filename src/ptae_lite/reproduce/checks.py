@@ -32,7 +32,7 @@ OTHER_SHAPES = "its arrays have other names or shapes"
 class Comparison(NamedTuple):
     """The result of a comparison.
 
-    Attributes:
+    Args:
         agrees: whether the file agrees within the tolerance.
         says: what was found.
         whole: whether all that is stored was made again and compared.
@@ -46,7 +46,7 @@ class Comparison(NamedTuple):
 class Check(NamedTuple):
     """How a file is compared.
 
-    Attributes:
+    Args:
         states: the tolerance, in words.
         compare: called as `compare(name, remade, stored)`, with two data folders.
         key: columns that name a row, for a table of which a re-run may make only some rows.
@@ -77,7 +77,7 @@ def near(pairs: dict[str, tuple], tolerances: dict[str, tuple[float, float]], sh
 
     Args:
         pairs: name to the arrays (remade, stored).
-        tolerances: name to (a, r): a difference of a + r |stored| is allowed.
+        tolerances: name to (a, r): a difference of a plus r times the stored number is allowed.
         share: the share of all numbers that must be within it.
     """
     kept, count, furthest, worst = 0, 0, 0.0, ""

@@ -35,7 +35,7 @@ from ptae_lite.reproduce.checks import (
 class Stage(NamedTuple):
     """One command of a re-run.
 
-    Attributes:
+    Args:
         command: the words after `python -m`; {out}, {seeds} and {device} are filled in.
         makes: files in the run's folder, with the same names as in `data/`, and how each is
             compared.

@@ -34,7 +34,7 @@ Act = Callable[[Look, np.ndarray], np.ndarray]
 class Setting(NamedTuple):
     """A scene to act in.
 
-    Attributes:
+    Args:
         colours: of the left and the right cube.
         places_m: (2, 2) x and y of the two cubes.
         yaws_rad: (2,) rotation of the cubes about the vertical.
@@ -48,7 +48,7 @@ class Setting(NamedTuple):
 class Episode(NamedTuple):
     """What happened in T frames. Frame 0 is the scene before the first action.
 
-    Attributes:
+    Args:
         joints_rad: measured joints.
         cubes: poses of the left and the right cube: position in metres, quaternion x y z w.
         stopped: why it ended: `home` (the arm came back), `limit` (too many frames) or `joint` (a
@@ -63,7 +63,7 @@ class Episode(NamedTuple):
 class Verdict(NamedTuple):
     """Whether the arm did what the sentence said.
 
-    Attributes:
+    Args:
         success: the right cube went the right way, far enough, at the right speed.
         reason: `done`, or the first thing that went wrong.
         named_mm: how far the named cube moved in the commanded direction.
