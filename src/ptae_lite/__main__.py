@@ -36,6 +36,7 @@ TRAINED = (*MODELS, "cae", "plain-cae")
 
 
 def do_record(options) -> dict:
+    """Run `record`; returns what it prints."""
     from ptae_lite.data import frames
     from ptae_lite.robot import recorder
 
@@ -54,6 +55,7 @@ def do_record(options) -> dict:
 
 
 def do_features(options) -> dict:
+    """Run `features`; returns what it prints."""
     from ptae_lite import artefacts, vision
     from ptae_lite.data.samples import write_features
     from ptae_lite.robot.recorder import check_ours
@@ -73,6 +75,7 @@ def do_features(options) -> dict:
 
 
 def do_train(options) -> dict:
+    """Run `train`; returns what it prints."""
     torch.set_num_threads(options.threads)
     if options.out is None:
         options.out = f"build/weights/{options.model.replace('-', '_')}.safetensors"
@@ -128,6 +131,7 @@ def configured(model: str, features: int, settings):
 
 
 def do_evaluate(options) -> dict:
+    """Run `evaluate`; returns the scores in percent."""
     from ptae_lite.data.samples import load_samples
     from ptae_lite.evaluation import evaluate
     from ptae_lite.models import checkpoint
@@ -164,24 +168,28 @@ def _train_autoencoder(options) -> dict:
 
 
 def do_study(options) -> dict:
+    """Run a study; returns what it prints."""
     torch.set_num_threads(options.threads)
     refuse_data(options.out, "build/results")
-    with file_lock(Path(options.out) / options.name):  # two would lose each other's rows
+    with file_lock(Path(options.out) / options.name):  # two would lose rows
         return STUDIES[options.name].command(options)
 
 
 def record_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `record`."""
     made.add_argument("--out", default=RECORDING, help="folder to record into, or to go on with")
     made.add_argument("--workers", type=whole_number(1), default=2, help="processes side by side")
 
 
 def features_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `features`."""
     made.add_argument("--data", default=RECORDING, help="a recording's folder")
     made.add_argument("--encoder", help="weights of a CAE (default: the stored one)")
     made.add_argument("--threads", type=whole_number(1), default=2, help="threads for the CAE")
 
 
 def train_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `train`."""
     made.add_argument("model", choices=TRAINED, help="what to train")
     data_options(made)
     made.add_argument("--seed", type=whole_number(0), default=0, help="seed of weights and batches")
@@ -204,6 +212,7 @@ def train_options(made: argparse.ArgumentParser) -> None:
 
 
 def evaluate_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `evaluate`."""
     made.add_argument("weights", help="safetensors file that `train` wrote")
     data_options(made)
     made.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
@@ -233,11 +242,13 @@ COMMANDS = {  # the name of each, what does it, what declares its options, and i
 
 
 def subparser(parsers, name: str, text: str) -> argparse.ArgumentParser:
+    """Add the parser of a command with one line of help."""
     shown = argparse.ArgumentDefaultsHelpFormatter
     return parsers.add_parser(name, help=text, description=text, formatter_class=shown)
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
     known = argparse.ArgumentParser(
         prog="python -m ptae_lite", description="Record, train and evaluate PTAE-lite's models."
     )
@@ -245,13 +256,14 @@ def parser() -> argparse.ArgumentParser:
     for name, (run, add_options, text) in COMMANDS.items():
         made = subparser(commands, name, text)
         made.set_defaults(run=run)
-        if name != "study":  # whose own commands have it
+        if name != "study":  # its own commands have this option
             made.add_argument("--json", action="store_true", help="print one line of JSON")
         add_options(made)
     return known
 
 
 def main(arguments=None) -> int:
+    """Run a command; returns its exit code."""
     known, arguments = parser(), sys.argv[1:] if arguments is None else list(arguments)
     old = renamed.said_of(
         (word.split("=")[0] for word in arguments), renamed.OPTIONS | renamed.VALUES

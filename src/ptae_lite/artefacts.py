@@ -149,7 +149,7 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "minutes": round(minutes, 1),
         "versions": {"python": platform.python_version()} | _versions(),
     }
-    if path.suffix == ".safetensors":  # of which experiment; those of before it had a hash say so
+    if path.suffix == ".safetensors":  # weights without an experiment are of an earlier recipe
         with suppress(ArtefactError):  # a damaged file is reported when it is loaded
             entries[name]["experiment"] = load_weights(path)[1].get("experiment", EARLIER)
     _write_manifest(entries, data)
@@ -202,7 +202,7 @@ def save_weights(path, tensors: dict, about: dict) -> None:
     with atomic_write(path) as temporary:
         try:
             save_file(tensors, temporary, metadata={"about": json.dumps(about, sort_keys=True)})
-        except SafetensorError as error:  # how this library reports what the system refused
+        except SafetensorError as error:  # safetensors reports a full disk in this way
             raise FileError(cannot_write(path, OSError(str(error)))) from None
 
 

@@ -85,7 +85,7 @@ def check_writable(path) -> None:
     except OSError as error:
         raise FileError(cannot_write(path, error)) from None
     finally:
-        for folder in made:  # a run that is refused later leaves no folders behind
+        for folder in made:  # a run that is refused later must leave no folders
             with suppress(OSError):
                 folder.rmdir()
 

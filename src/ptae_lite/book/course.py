@@ -43,7 +43,7 @@ PARTS = ("**Answer.**", "**Listen for.**", "**Misconceptions.**")  # of an answe
 TAGS = {"answer", "check", "mistake"}
 BEGIN, END = "### BEGIN SOLUTION", "### END SOLUTION"
 SEED = "SEED = 0"  # the line that `--seed` changes
-# What nbgrader puts in place of an answer, so that its student version is ours.
+# The stubs of nbgrader, so that its student's notebook is the same as ours.
 CODE_STUB = ("# YOUR CODE HERE", "raise NotImplementedError()")
 TEXT_STUB = "YOUR ANSWER HERE"
 _HEADING = re.compile(r"## (\d+)\.(\d+) ([\w ]+): (.+) \((\d+) min\)$", re.MULTILINE)
@@ -191,7 +191,7 @@ def notebook(sheet: Sheet, *, student: bool, seed: int = 0) -> NotebookNode:
         lines = cell.source.split("\n")
         cell.source = "\n".join(f"SEED = {seed}" if line == SEED else line for line in lines)
     metadata = copy.deepcopy(sheet.metadata)
-    metadata.pop("jupytext", None)  # these notebooks are no pairs
+    metadata.pop("jupytext", None)  # these notebooks have no .md twin
     made = NotebookNode(nbformat=4, nbformat_minor=5, metadata=metadata, cells=cells)
     notebooks.set_ids(made)
     return made
@@ -236,7 +236,7 @@ def write(out: Path, folder: Path = FOLDER, seed: int = 0) -> list[Path]:
         for name, data in files.items():
             (made / name).parent.mkdir(exist_ok=True)
             (made / name).write_bytes(data)
-        made.chmod(0o755)  # a temporary folder is its owner's alone
+        made.chmod(0o755)  # only the owner may open a temporary folder
         if out.exists():
             out.rmdir()
         made.rename(out)
@@ -264,6 +264,7 @@ class Table:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py course`."""
     made = argparse.ArgumentParser(
         prog="run.py course", description="Write the student's and instructor's notebooks."
     )
@@ -273,6 +274,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
+    """Write the notebooks; returns the exit code."""
     args = parser().parse_args(argv)
     try:
         written = write(args.out, seed=args.seed)

@@ -95,7 +95,7 @@ def check_packages(root: Path = ROOT, have=installed) -> Finding:
         return Finding("packages", PROBLEM, "there is no .venv/ yet", f"{starter()} book")
     wanted, wrong = pins(root / "environment.txt"), []
     for name in SIMULATORS:
-        wanted.pop(name, None)  # has a line of its own
+        wanted.pop(name, None)  # the doctor has a line for it
     for package, version in wanted.items():
         found = have(package)
         if found is None or found.split("+")[0] != version:  # 2.13.0+cpu is a build of 2.13.0
@@ -271,6 +271,7 @@ def report(findings: list[Finding]) -> str:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py doctor`."""
     made = argparse.ArgumentParser(prog="run.py doctor", description=__doc__.split(":")[0] + ".")
     made.add_argument("--json", action="store_true", help="print the findings as JSON")
     made.add_argument(
@@ -280,6 +281,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
+    """Print all findings; returns 1 if there is a problem."""
     options = parser().parse_args(arguments)
     if options.line_endings:
         for name in mend_line_endings():

@@ -55,7 +55,7 @@ def check(hint: Callable[..., str | None], name: str, like: Any) -> None:
         sentence = hint(_guarded(answer, name, like))
     except NotYet:
         raise
-    except Exception as error:  # not the answer's: the guard turns these into sentences
+    except Exception as error:  # of the check; the guard catches those of the answer
         sentence = (
             f"The check itself stopped with {_message(error)}, perhaps because a name that it uses "
             "was changed: restart the kernel and run all cells."
@@ -90,7 +90,7 @@ def _call(answer: Callable, name: str, given: tuple) -> Any:
     def work():
         try:
             outcome["result"] = answer(*given)
-        except BaseException as error:  # sys.exit() is no way out of a check
+        except BaseException as error:  # also SystemExit: sys.exit() must not end the check
             outcome["error"] = error
 
     worker = threading.Thread(target=work, daemon=True)

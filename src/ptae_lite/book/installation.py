@@ -65,12 +65,13 @@ def startable(script: bytes) -> bytes:
         return script
     if first.startswith((b"#!/bin/sh", b"#!/usr/bin/env ")):
         return script
-    # To Python, the two lines in place of the first are a text.
+    # Two lines replace the first. Python reads them as a string.
     shell = b"#!/bin/sh\n'''exec' \"" + first[2:].strip() + b'" "$0" "$@"\n\' \'\'\''
     return shell + newline + rest
 
 
 def main(arguments=None) -> int:
+    """Mend the environment; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split(":")[0])
     parser.add_argument("--from", dest="before", metavar="FOLDER", help="where it was made")
     options = parser.parse_args(arguments)
@@ -78,7 +79,7 @@ def main(arguments=None) -> int:
         link(Path(sysconfig.get_path("purelib")))
         if options.before:
             settle(Path(sysconfig.get_path("scripts")), Path(options.before))
-    except OSError as error:  # such as a folder that may only be read: the doctor goes on saying so
+    except OSError as error:  # such as a read-only folder; the doctor then still reports it
         print(f".venv/ cannot be changed ({error}).", file=sys.stderr)
         return 1
     return 0

@@ -18,7 +18,7 @@ CHAPTER_GB, LAB_GB = 0.75, 0.2  # measured: the kernel of a chapter at most, and
 MEMORY_GB = 2  # two chapters side by side, as the book is built; training a CAE takes 1.4
 ADDRESSES_GB = 3  # a chapter maps large libraries into its address space and reads little of them
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-# What run.py takes away from all that it starts (its FOREIGN, but for an active .venv/).
+# Variables that run.py removes for everything it starts (its FOREIGN, without VIRTUAL_ENV).
 FOREIGN = (
     "PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONOPTIMIZE", "PYTHONWARNINGS",
     "PYTEST_ADDOPTS", "PYTEST_PLUGINS", "PYTEST_DISABLE_PLUGIN_AUTOLOAD", "JUPYTER_PATH",
@@ -28,7 +28,7 @@ FOREIGN = (
 def check_disk(free_bytes: int | None = None, root: Path = ROOT) -> Finding:
     """Whether there is room for the installation and for runs."""
     free = (shutil.disk_usage(root).free if free_bytes is None else free_bytes) / 1e9
-    there = (root / ".venv").exists() or installed("torch")  # a hub has its own
+    there = (root / ".venv").exists() or installed("torch")  # on a hub, without .venv/
     needed = FREE_GB if there else INSTALL_GB
     if free < needed:
         says = f"{free:.1f} GB are free, {needed} are needed; your runs lie in {root / 'build'}"

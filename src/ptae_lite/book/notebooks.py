@@ -34,10 +34,10 @@ LIMIT_BYTES = 500_000
 EMBED_MARK = "data-ptae-embed"  # stands in the HTML of every 3-D viewer
 WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 TIMEOUT_S = 600  # for a cell
-# What tools that convert a notebook go by; not the running version, which differs from reader to
-# reader.
+# Tools that convert notebooks need these. The running version of Python is left out, because it
+# differs between readers.
 LANGUAGE = {"name": "python", "file_extension": ".py", "nbconvert_exporter": "python"}
-# Not in the sources: saving one in JupyterLab would write there what this machine calls its Python.
+# Set in the twins only. In a source, JupyterLab would replace it by this machine's name for Python.
 KERNEL = {"name": "python3", "language": "python", "display_name": "Python 3"}
 FOLDED = {"hide-input", "remove-input"}  # tags of cells whose code a page folds or leaves out
 STAMP = "ptae_lite"  # key in a twin's metadata: the hash of the cells it was written with
@@ -60,10 +60,10 @@ def execute(notebook: NotebookNode, folder: Path) -> None:
     """Run every cell in `folder`, in the default tier whatever the environment says."""
     env = {**os.environ, "PTAE_TIER": "replay", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
     env["PTAE_STATIC"] = "0"  # a twin is for JupyterLab, whose kernel answers the sliders
-    env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib dates its SVG files; so every run gets the same
-    # Neither time stamps, which differ in every run, nor widget state, which nothing reads later.
+    env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib writes this date into its SVG files
+    # no time stamps, which differ in every run, and no widget state, which nothing reads later
     options = {"timeout": TIMEOUT_S, "record_timing": False, "store_widget_state": False}
-    quiet = ["--IPKernelApp.log_level=40"]  # kernels warn of what holds on this machine alone
+    quiet = ["--IPKernelApp.log_level=40"]  # no warnings about this machine
     client = NotebookClient(notebook, kernel_name="python3", extra_arguments=quiet, **options)
     client.execute(cwd=str(folder), env=env)
 
@@ -195,7 +195,7 @@ def _twin(md: Path) -> NotebookNode | None:
         return None
     try:
         return nbformat.read(ipynb, as_version=4)
-    except Exception as error:  # what is no notebook fails in many ways
+    except Exception as error:  # a file that is not a notebook can fail with any error
         raise ArtefactError(
             f"{ipynb} is no notebook ({type(error).__name__}); if nothing in it matters, write it "
             f"anew: run.py notebooks {md.stem} --from md"
@@ -253,6 +253,7 @@ def compare(md: Path, ipynb: Path) -> list[str]:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py notebooks`."""
     made = argparse.ArgumentParser(
         prog="run.py notebooks", description="Run chapters and write their .ipynb twins."
     )
@@ -265,6 +266,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
+    """Write the twins; returns the exit code."""
     args = parser().parse_args(argv)
     book = Path("book")
     try:

@@ -50,7 +50,7 @@ def build(out, book=ROOT / "book", show: Callable = lambda name, chapter: None) 
     out = Path(out)
     with file_lock(out / "html"):
         work, done = out / "html.part", out / "html"
-        (out / TIMES).unlink(missing_ok=True)  # nothing of an earlier run may be taken for this one
+        (out / TIMES).unlink(missing_ok=True)  # of an earlier run
         shutil.rmtree(work, ignore_errors=True)
         work.mkdir()
         # A fresh environment makes Sphinx read, and so execute, every chapter; two at a time.
@@ -82,7 +82,7 @@ def run(command: list[str], log: Path, ended: Path, show: Callable) -> int:
     ):
         try:
             while True:
-                status = process.poll()  # before the last look, which then misses none
+                status = process.poll()  # asked first, so that the last look misses none
                 for name, chapter in chapters(ended)[shown:]:
                     clock("")
                     show(name, chapter)
@@ -123,6 +123,7 @@ def chapter_lines(name: str, chapter: dict) -> list[str]:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py book`."""
     made = argparse.ArgumentParser(prog="run.py book", description=__doc__.split(":")[0] + ".")
     made.add_argument("--tier", choices=run_mode.TIERS, help="stored results, short or full runs")
     made.add_argument("--out", type=as_called, default=Path("build"), help="folder that gets html/")
@@ -133,6 +134,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
+    """Build the site; returns the exit code."""
     options = parser().parse_args(arguments)
     log = Path(options.out, LOG)
     if options.tier:

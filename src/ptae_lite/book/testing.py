@@ -78,13 +78,13 @@ def cores() -> int:
 
 def phases(everything: bool) -> dict[str, list[str]]:
     """The arguments of pytest for each group of tests, in order."""
-    # The tests of a file share what is costly, the cells of a notebook a kernel: one worker's.
+    # One worker takes a whole file: its tests share costly things, and its cells share a kernel.
     together, names = ["--dist", "loadfile"], [f"not {name}" for name in NOT_QUICK]
     nbval = ["--nbval-lax", "--nbval-cell-timeout=300"]
     if not everything:
         nbval.append(f"--ignore=book/{IN_DEPTH}")
     found = {"unit tests": ["-m", "not browser" if everything else " and ".join(names), *together]}
-    if everything:  # pages are looked at one by one, by the worker that is free
+    if everything:  # each page goes to the next free worker
         found["pages in a browser"] = ["-m", "browser", "--dist", "worksteal"]
     return found | {"cells of notebooks": [*nbval, *together, "book"]}
 
@@ -107,7 +107,7 @@ def run_phase(name: str, options: list[str]) -> tuple[int, str]:
     junit.unlink(missing_ok=True)  # of an earlier run
     print(f"\n{name.capitalize()} ...", flush=True)
     pytest = ["-rs", "-q", "--no-header", "--tb=short", "-n", min(cores(), WORKERS)]
-    # Kernels and workers say on the error stream what concerns no reader.
+    # Messages of kernels and workers on the error stream are of no use to a reader.
     status = call("pytest", *pytest, f"--junitxml={junit}", *options, log=file)
     return status, counts(junit) or f"see build/logs/{file}.log"
 
@@ -134,6 +134,7 @@ def run_phases(everything: bool) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py test`."""
     made = argparse.ArgumentParser(
         prog="run.py test", description=__doc__.split(":")[0] + ".",
         usage="run.py test [-h] [--tier TIER] [--all]\n       run.py test [--tier TIER] -- ARGS",
@@ -145,6 +146,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
+    """Run the tests; returns 0 if all passed."""
     own = sys.argv[1:] if arguments is None else list(arguments)
     extra = []
     if "--" in own:

@@ -175,7 +175,7 @@ def _matrix(path: Path, height: int, width: int, why: str) -> Float[np.ndarray, 
 
 
 def _numbers(texts: list) -> np.ndarray:
-    with np.errstate(over="ignore"):  # too large a number is infinite, and refused as that
+    with np.errstate(over="ignore"):  # infinity is refused by the caller
         return np.array(texts, dtype=np.float32)
 
 

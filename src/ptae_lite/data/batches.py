@@ -32,7 +32,7 @@ def draw_signals(
             first. One number for all samples, or one for each (0 and 1 then choose its group).
         groups: two groups of signal names. All signals of a group are equally likely.
     """
-    width = lcm(*map(len, groups))  # a group fills its row by repeating itself
+    width = lcm(*map(len, groups))  # groups are repeated to rows of equal width
     rows = [[signal_number(s) for s in group] * (width // len(group)) for group in groups]
     row = (rng.random(count) < supervised).astype(int)
     return torch.from_numpy(np.array(rows)[row, rng.integers(0, width, count)])
@@ -42,7 +42,7 @@ def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
     """Draw the weights and the partners of `signals.mixup`.
 
     Returns:
-        shares (B,), uniform from 0.5 to 1, and for each sample a partner (B,) with the same signal.
+        Shares (B,), uniform from 0.5 to 1, and for each sample a partner (B,) with the same signal.
     """
     share, partner = rng.uniform(0.5, 1.0, len(signals)), np.arange(len(signals))
     for signal in signals.unique().numpy():
@@ -63,7 +63,7 @@ def draw_videos(
         videos: sample number to its other videos: raw features (99, F).
 
     Returns:
-        place in the batch to scaled features (99, F), for the places where another video was drawn.
+        Place in the batch to scaled features (99, F), for the places where another video was drawn.
     """
     drawn = {}
     for place, sample in enumerate(part):
@@ -97,7 +97,7 @@ def epoch_batches(
         return
     unlabelled, taken = rng.permutation(np.setdiff1d(train, labelled)), 0
     for i in range(max(len(train) // recipe.batch, 1)):
-        half = (recipe.batch + i % 2) // 2  # an odd batch gives its odd one to each in turn
+        half = (recipe.batch + i % 2) // 2  # odd batches: one more, by turns
         mine = rng.choice(labelled, half, replace=len(labelled) < half)
         rest = recipe.batch - half
         others = np.take(unlabelled, np.arange(taken, taken + rest), mode="wrap")
@@ -146,7 +146,7 @@ class Batches:
         self.with_label = indices if labelled is None else labelled
         self.without_label = indices if labelled is None else np.setdiff1d(indices, labelled)
         self.rng = np.random.default_rng(recipe.seed)
-        self.count = len(self._parts())  # of an epoch; this drawn epoch is not trained on
+        self.count = len(self._parts())  # this epoch is only drawn to count its batches
 
     def _parts(self) -> list:
         return list(epoch_batches(self.rng, self.indices, self.labelled, self.recipe, self.groups))

@@ -85,7 +85,7 @@ def _open(path: Path) -> dict[tuple[int, int, int], bytes]:
                 tuple(int(part) for part in _NAME.fullmatch(name).groups()): file.read(name)
                 for name in file.namelist()
             }
-    except AttributeError:  # a name that is none of ours has no groups
+    except AttributeError:  # another name does not match
         raise RecordingError(f"{path} holds more than frames, so it is not of ours") from None
     except (zipfile.BadZipFile, OSError, EOFError) as error:
         raise RecordingError(f"{path} is damaged ({error}); make it again: {MAKE}") from None

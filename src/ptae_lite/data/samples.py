@@ -80,7 +80,7 @@ class Samples:
         """
         digest = hashlib.sha256()
         for array in (self.joints, self.features, self.frames, self.pattern, self.variation):
-            little = array.astype("<f4")  # exact for the whole numbers, which are small
+            little = array.astype("<f4")  # exact for small whole numbers
             digest.update(str(little.shape).encode() + little.tobytes())
         return f"{self.name} {digest.hexdigest()}"
 

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from ptae_lite.data.samples import MAX_FRAMES, Samples
 from ptae_lite.errors import ConfigError
 
-JOINT_ROOM = 0.9  # joints lie in +-0.9: the home pose is at an extreme of some, tanh ends at 1
+JOINT_ROOM = 0.9  # joints lie in +-0.9, because tanh reaches 1 only in the limit
 FEATURE_SD = 0.5
 HALF_WHITE = 0.25  # exponent of the principal variances; chosen on held-out patterns
 

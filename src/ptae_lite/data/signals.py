@@ -207,7 +207,7 @@ def build(
     first = {"features": features[:, 0], "joints": joints[:, 0]}
     last = {"features": features[item, frames - 1], "joints": joints[item, frames - 1]}
 
-    # query: the signal, then the whole sentence or EOS alone
+    # query
     sentence_from = samples if sentence_from is None else sentence_from
     sentence = source.sentences[source.meaning[sentence_from], alternative]
     tokens = torch.cat([_SIGNAL_TOKEN[signals, None], sentence], dim=1)

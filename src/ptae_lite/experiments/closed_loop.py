@@ -45,13 +45,13 @@ VIDEOS = {
     "noisy_video": ("noisy", None),
     "dagger": ("own episodes", "watching_policy"),
 }  # and the model that acts in them
-OF_FAMILY = {"ptae": "PTAE", "ptae_first_frame": "PTAE, frozen video"}  # the same trainings
+OF_FAMILY = {"ptae": "PTAE", "ptae_first_frame": "PTAE, frozen video"}  # names in the family
 SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # the conditions that chapter 06 shows
 SHOWN |= {"ptae_first_frame": ("test",), "one_look_policy": tuple(CONDITIONS)}
 FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
 
 
-REPLAY = "recorded joints"  # the model that is none
+REPLAY = "recorded joints"  # no model
 BACK = "there_and_back"
 NOT_THERE = "no such cube"  # whatever the arm did
 
@@ -177,6 +177,7 @@ def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     options.trainings(parser)
     options.weights(parser, "build/weights")
     parser.add_argument("--models", "--variants", nargs="+", metavar="NAME",
@@ -186,7 +187,8 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
-    from ptae_lite.experiments import episodes  # which knows this study
+    """Run the study with its options; returns what the command prints."""
+    from ptae_lite.experiments import episodes  # here, because it imports this module
 
     samples = data.load_samples()
     table = study(samples, given.out, given.weights, given.models, given.seeds, given.conditions,

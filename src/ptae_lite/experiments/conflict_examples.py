@@ -48,7 +48,7 @@ MODEL = "weights/ptae.safetensors"
 ANSWERS, KEPT = "incongruence_examples.csv", "incongruence_examples.npz"
 KEY = ["sample", "signal", "conflict_in", "conflicts", "aspects"]
 SHOTS, SHOT_PX = 6, (80, 60)  # pictures in a row, and their width and height
-TEXTS = {"aspects": "", "sentence": "", "answer": ""}  # an empty text in a CSV file reads as a gap
+TEXTS = {"aspects": "", "sentence": "", "answer": ""}  # pandas reads empty texts as NaN
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +154,7 @@ def load(find=lambda name: artefacts.stored(f"results/{name}")) -> ConflictExamp
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Write the examples; returns the exit code."""
     parser = argparse.ArgumentParser(description="Keep the stored PTAE's answers under conflict.")
     parser.add_argument("--store", action="store_true", help="into data/results, with provenance")
     parser.add_argument("--out", default="build/results", help="folder, without --store")

@@ -276,6 +276,7 @@ def features_are_of(path: Path, weights: Path) -> bool:
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     options.trainings(parser, cluster=False)
     parser.add_argument("--recording", default=RECORDING, help="a recording's folder")
     parser.add_argument("--encoders", default="build/encoders",
@@ -287,6 +288,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     table = study(
         data.load_unseen(given.recording), given.recording, given.out, given.encoders, given.seeds,
         workers=given.workers, device=given.device, long=given.long,

@@ -93,11 +93,13 @@ def study(samples: Samples, folder, work, seeds=(0, 1, 2), **where) -> pd.DataFr
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     options.trainings(parser)
     parser.add_argument("--encoders", default="build/encoders", help="folder of the CAEs' features")
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     table = study(
         data.load_samples(), given.out, given.encoders, given.seeds, **options.where(given)
     )

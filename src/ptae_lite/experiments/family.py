@@ -64,7 +64,7 @@ CLAIMS = {
     "repeat both does not help PTAE": ("PTAE", "PTAE, repeat both"),
     "word weights are unnecessary for PTAE": ("PTAE", "PTAE, class-weighted words"),
     "LSTM encoders change nothing": ("PTAE", "PTAE, LSTM encoders"),
-}  # that PTAE converges in less than half of PGAE's updates is a matter of `updates_to`
+}  # `updates_to` is about the claim that PTAE converges in less than half of PGAE's updates
 KEY = ["data", "variant", "seed"]
 SEEDS = 3  # of each variant, before two are compared
 EVERY = 5  # epochs between two points of a curve
@@ -193,6 +193,7 @@ def updates_to(curves: pd.DataFrame, percent: float) -> pd.DataFrame:
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser)
     options.weights(parser)
@@ -201,6 +202,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     table = study(samples, given.out, given.variants, given.seeds, given.weights,
                   **options.where(given))  # fmt: skip

@@ -157,6 +157,7 @@ def damage(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser)
     options.weights(parser)
@@ -165,6 +166,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     table = study(samples, given.out, given.models, given.seeds, given.weights,
                   **options.where(given, "models"))  # fmt: skip

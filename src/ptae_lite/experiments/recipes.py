@@ -84,6 +84,7 @@ def study(samples: Samples, folder, choices=tuple(CHOICES), seeds=(0, 1),
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser, seeds=(0, 1))
     parser.add_argument("--variants", nargs="+", metavar="NAME", default=tuple(CHOICES),
@@ -91,6 +92,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     table = study(samples, given.out, given.variants, given.seeds, **options.where(given))
     return options.result(given, STUDY.file, table, samples)

@@ -41,7 +41,7 @@ SHARES = {  # percent: of the 648 training samples, and of the updates
     "iterations": (1, 2, 10, 20, 50, 66.6),
 }
 REGULAR = {"samples": 100, "iterations": 66.6}  # one training: chapter 03's
-ORDER = (10, 2, 50, 20, 5, 1, 66.6, 100)  # a part of the grid spans all of it
+ORDER = (10, 2, 50, 20, 5, 1, 66.6, 100)  # so that a stopped study already covers the range
 DRAWS = 20  # of labels for the linear baseline, which takes no time
 SEEDS = (0, 1, 2)
 KEY = ["model", "data", "mode", "variant", "share", "seed"]
@@ -67,7 +67,7 @@ VARIANTS = {
     "balanced": Variant(),  # half of every batch has a label
     "shuffled-scenes": Variant(
         {"shuffle_scenes": True}
-    ),  # and a sentence to repeat comes with another's scene
+    ),  # balanced, and a sentence to repeat comes with the scene of another sample
     "covering": Variant(),  # balanced, too; the labelled samples name every word
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
@@ -109,7 +109,7 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
         for variant in ("random", "covering") for share in SHARES["samples"][:-1]
         for seed in range(DRAWS)
     ]  # fmt: skip
-    found += [Job("linear", "samples", "random", 100, 0)]  # of all labels there is one draw
+    found += [Job("linear", "samples", "random", 100, 0)]  # all labels can be drawn in one way only
 
     def more(model, mode, variant, seed, *shares):
         found.extend(Job(model, mode, variant, s, seed) for s in ORDER if s in shares)
@@ -277,6 +277,7 @@ def _score(trained: Trained | None, samples: Samples, model: str, data: str, *re
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser, SEEDS)
     parser.add_argument("--models", nargs="+", metavar="NAME", help="which models")
@@ -289,6 +290,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     jobs = select(grid(given.seeds, given.core), model=given.models, mode=given.modes,
                   variant=given.variants, share=given.shares)  # fmt: skip

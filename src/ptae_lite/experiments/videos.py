@@ -19,7 +19,7 @@ from ptae_lite.experiments.tasks import tasks_in
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop
 
-NOISE = 0.3  # spread of the noise, as a share of each feature's own over the training samples
+NOISE = 0.3  # spread of the noise, as a share of the feature's spread over the training samples
 COUNT = 2  # noisy videos for each sample
 
 

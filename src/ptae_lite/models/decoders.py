@@ -41,11 +41,7 @@ class RecurrentDecoder(nn.Module):
         return [(parts[2 * i], parts[2 * i + 1]) for i in range(len(self.cells))]
 
     def step(self, x: Tensor, states: list) -> tuple[Tensor, list]:
-        """One step of all layers.
-
-        Returns:
-            the output before its nonlinearity, and the new states.
-        """
+        """One step of all layers: the output before its nonlinearity, and the new states."""
         after = []
         for cell, state in zip(self.cells, states, strict=True):
             x, memory = cell(x, state)

@@ -76,7 +76,7 @@ class _Tape:
         """The part of the gates' gradients that can be computed for all steps at once.
 
         Returns:
-            this part, and its views for each step, which `backward` completes.
+            This part, and its views for each step, which `backward` completes.
         """
         gates, u = self.gates, self.units
         o, i, f, g = gates.split(u, dim=1)
@@ -138,7 +138,7 @@ class Layer(torch.autograd.Function):
             memory = tape.steps[t][-2]
         ctx.tape, ctx.spans = tape, spans
         ctx.save_for_backward(hidden, weight_hh)
-        return hidden, tape.after.clone()  # the tape must not hold what autograd hands out
+        return hidden, tape.after.clone()  # a copy: the tape must not hold an output of autograd
 
     @staticmethod
     @once_differentiable
@@ -178,7 +178,7 @@ class Unroll(torch.autograd.Function):
         w1, w2 = w1.T.contiguous(), w2.T.contiguous()
         pose, hidden1, hidden2 = start, h1, h2
         for t, (to1, was1, posed, to2, now1, was2, now2, pose_out) in enumerate(steps):
-            if len(to1) < len(pose):  # some are over
+            if len(to1) < len(pose):  # some sequences have ended
                 last = pose, hidden1, hidden2, c1, c2
                 pose, hidden1, hidden2, c1, c2 = (rows[: len(to1)] for rows in last)
             was1.copy_(hidden1), posed.copy_(pose), was2.copy_(hidden2)

@@ -57,7 +57,7 @@ class PVAEConfig:
     gain: float = 1.5  # ours, of the starting weights (`recurrent.spread`); 0: the published ones
     noise: float = 0.1  # of a code in training, times its own standard deviation
     binding: float = 2.0  # weight of the binding loss
-    margin: float = 1.0  # by which unpaired codes should be further apart than paired ones
+    margin: float = 1.0  # unpaired codes should be further apart than paired ones by this
     divergence: float = 1.0  # weight of each half's divergence from a standard normal
     variational: bool = True  # without: PRAE
 

@@ -63,8 +63,8 @@ def make_cell(inputs: int, units: int, forget_bias: float, peepholes: bool = Fal
     """An LSTM cell.
 
     Args:
-        forget_bias: added to the forget gate at the start of a training. A high value opens the
-            gate, so that the cell first keeps its memory.
+        forget_bias: bias of the forget gate at the start of a training. A high value opens the
+            gate, so that the cell first keeps its memory. The published code has 0.8.
         peepholes: whether the gates see the memory.
     """
     cell = PeepholeCell(inputs, units) if peepholes else nn.LSTMCell(inputs, units)
@@ -95,7 +95,7 @@ class RecurrentEncoder(nn.Module):
             lengths: how many rows each sequence has.
 
         Returns:
-            for each layer its memory, then its hidden state: S = layers x 2 x units numbers.
+            The memory, then the hidden state of each layer, side by side (S = layers x 2 x units).
         """
         hidden = rows.transpose(0, 1)[: int(lengths.max())]
         item = torch.arange(len(rows), device=rows.device)

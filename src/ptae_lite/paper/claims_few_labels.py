@@ -40,7 +40,7 @@ def _with_few_labels() -> list[ClaimTest]:
             if share == REGULAR[mode] and model == "ptae":
                 continue  # the same as in the first group
             task = column.split("_")[0]
-            long = mode == "iterations" and share <= TINY  # what is shown of it is the long one
+            long = mode == "iterations" and share <= TINY  # chapter 04 shows the long one
             found.append(number(
                 f"{model.upper()}, {task} with {share:g} % of the {mode}", claim,
                 with_labels(model, column, mode, share), group="Few labels",

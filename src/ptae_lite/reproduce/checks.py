@@ -85,7 +85,7 @@ def near(pairs: dict[str, tuple], tolerances: dict[str, tuple[float, float]], sh
         made, was = (np.asarray(one, dtype=float).ravel() for one in both)
         room = tolerances[name][0] + tolerances[name][1] * np.abs(np.nan_to_num(was))
         off = np.where(np.isnan(made) & np.isnan(was), 0, np.abs(made - was))
-        off = np.where(np.isnan(off), np.inf, off)  # a number where the other has none
+        off = np.where(np.isnan(off), np.inf, off)  # NaN in only one of them
         kept, count = kept + int((off <= room).sum()), count + off.size
         excess = off / np.maximum(room, 1e-12)
         if off.size and excess.max() > furthest:

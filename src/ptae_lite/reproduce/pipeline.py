@@ -20,6 +20,7 @@ from ptae_lite.reproduce.view import duration
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py full`."""
     made = argparse.ArgumentParser(prog="run.py full", description=__doc__.split(":")[0] + ".")
     made.add_argument(
         "--out", type=as_called, default=artefacts.ROOT / "build" / "full",

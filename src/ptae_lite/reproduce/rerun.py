@@ -119,7 +119,7 @@ class Rerun:
 
     def _files(self, stage: Stage) -> list[str]:
         """The files that a stage leaves in the run's folder and in the run's data."""
-        own = [name for name, check in stage.makes.items() if check.key]  # as it is judged
+        own = [name for name, check in stage.makes.items() if check.key]  # the checks read these
         return [*stage.leaves, *own, *(f"data/{name}" for name in stage.makes)]
 
     def _hashes(self, files) -> dict[str, str]:
@@ -166,7 +166,7 @@ class Rerun:
         out = self.settings.out
         (out / "logs").mkdir(parents=True, exist_ok=True)
         env = os.environ | {"PTAE_DATA": str(self.settings.data), "PYTHONUTF8": "1"}
-        env |= {"PYTHONUNBUFFERED": "1"}  # what was said before a kill is in the log
+        env |= {"PYTHONUNBUFFERED": "1"}  # so that nothing is missing in the log after a kill
         env.setdefault("OMP_NUM_THREADS", "1")
         command = [sys.executable, "-m", *self.settings.command(stage)]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
@@ -179,7 +179,7 @@ class Rerun:
                     log.write(said)
                     view.tick(share_in(said))
                 return process.wait()
-            except KeyboardInterrupt:  # reaches the command as well, which ends by itself
+            except KeyboardInterrupt:  # the command gets it, too, and ends by itself
                 try:
                     process.wait(PATIENCE_S)
                 except subprocess.TimeoutExpired:
@@ -195,7 +195,7 @@ class Rerun:
             kept.parent.mkdir(parents=True, exist_ok=True)
             stored = self.settings.stored / name
             with atomic_write(kept) as temporary:
-                if check.key and stored.exists():  # chapters ask for rows that a re-run lacks
+                if check.key and stored.exists():  # chapters need rows that a re-run does not make
                     both = (tables.read(path, list(check.key)) for path in (made, stored))
                     tables.completed(*both, list(check.key)).to_csv(
                         temporary, index=False, lineterminator="\n"

@@ -68,10 +68,10 @@ class Stage(NamedTuple):
         return words
 
 
-SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # one training differs from the next so much
+SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # how much one training differs from another
 ANSWERS = {"right": (0, 0)}
 SEEN = {"both|left|right": (15, 0), "_mm|error": (0, 0.3), "r2": (0.15, 0)}
-ENCODERS = {  # as long as the stored ones were trained; the study goes further with the plain
+ENCODERS = {  # trained as long as the stored ones; the study trains the plain one further
     "weights/cae.safetensors": "encoders/separated_3x10_seed0/encoder_128000.safetensors",
     "weights/plain_cae.safetensors": "encoders/plain_10_seed0/encoder_128000.safetensors",
 }
@@ -96,7 +96,7 @@ STAGES = (
           {"results/encoders_in_use.csv": table(encoders_in_use.KEY, SCORED, 0.9)},
           0, 11, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
-          "--out {out}/results", {  # its PTAE is that of the studies below
+          "--out {out}/results", {  # the stages below use its PTAE
         "results/family.csv": table(family.KEY, SCORED, 0.9),
         "results/family_curves.csv": table([*family.KEY, "epoch"], {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES},

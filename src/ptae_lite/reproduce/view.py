@@ -6,7 +6,7 @@ import re
 import sys
 import time
 
-PERCENT = re.compile(rb"(\d{1,3})%[|\]]")  # as a bar of tqdm says it, and Sphinx
+PERCENT = re.compile(rb"(\d{1,3})%[|\]]")  # in a progress bar of tqdm, or in the output of Sphinx
 QUIET_S = 600  # between two lines in a log file, where a line cannot be overwritten
 
 
@@ -60,7 +60,7 @@ class View:
         speed = sum(self.spent.values()) / planned if planned > 2 else 1.0
         gone = (self.clock() - self.begun) / 60
         mine = max(self.estimates[self.at] * speed - gone, 0)
-        if self.share > 0.05:  # the stage itself knows better
+        if self.share > 0.05:  # the stage's own progress is a better estimate
             mine = gone * (1 - self.share) / self.share
         later = range(self.at + 1, len(self.names))
         return mine + speed * sum(self.estimates[i] for i in later if i not in self.spent)

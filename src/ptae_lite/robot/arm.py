@@ -53,7 +53,7 @@ JOINT_NAMES = tuple(joint.name for joint in JOINTS)
 LOWER_RAD = np.array([joint.lower_rad for joint in JOINTS])
 UPPER_RAD = np.array([joint.upper_rad for joint in JOINTS])
 
-# The sixth joint, wrist_x, is held bent all the way: then the hand can point straight down.
+# The sixth joint, wrist_x, is held at its limit, so that the hand can point straight down.
 WRIST_X_ORIGIN_M = (0.0, 0.0, -0.071)
 WRIST_X_RAD = -0.873
 FINGERTIP_M = 0.085  # from wrist_x to the fingertips

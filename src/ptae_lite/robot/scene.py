@@ -183,7 +183,7 @@ class Scene:
         The motors follow angles that go at constant speed from the last target to this one.
 
         Returns:
-            which cubes (left, right) the arm touched during the frame.
+            Which cubes (left, right) the arm touched during the frame.
 
         Raises:
             RobotError: a target is outside a joint's limits.

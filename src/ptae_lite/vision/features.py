@@ -35,7 +35,7 @@ def encode_images(encoder: nn.Module, images, batch: int = 100) -> Float[np.ndar
     codes = None
     for i in range(0, len(images), batch):
         part = encoder.encode(as_input(images[i : i + batch]))
-        if codes is None:  # one array: small ones among images that come and go hold their memory
+        if codes is None:  # one array: many small ones between images would keep memory in use
             codes = np.empty((len(images), part.shape[1]), np.float32)
         codes[i : i + batch] = part.numpy()
     return codes

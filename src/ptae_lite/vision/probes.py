@@ -16,7 +16,7 @@ from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import ACTIONS, COLOURS, SIDES, patterns
 
-PENALTY = 1e-3  # of ridge regression, a sample; small: it only keeps the weights finite
+PENALTY = 1e-3  # of ridge regression, for each sample; small, to keep the weights finite
 
 
 @dataclass(frozen=True)

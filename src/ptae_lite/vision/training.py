@@ -55,7 +55,7 @@ class AutoencoderRecipe:
 
 
 WARM_UP = 50  # steps until the learning rate is reached
-DECAY = 0.2  # of all steps: the share at the end in which it falls to zero
+DECAY = 0.2  # share of all steps, at the end, in which the learning rate falls to zero
 
 
 def rate_share(step: int, steps: int | None) -> float:
