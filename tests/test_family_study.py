@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from test_recording import end_workers
 
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts
@@ -107,6 +108,7 @@ def test_workers_give_the_rows_that_one_process_gives(tmp_path):
     tables.run(divmod, [(7, 2), (9, 4)], kept.append, 1, lambda results, total: results)
     side_by_side = []
     tables.run(divmod, [(7, 2), (9, 4)], side_by_side.append, 2, lambda results, total: results)
+    end_workers()
     assert kept == [(3, 1), (2, 1)] and sorted(side_by_side) == sorted(kept)
 
 
@@ -114,6 +116,7 @@ def test_two_processes_that_add_to_one_table_lose_no_row(tmp_path):
     path = tmp_path / "rows.csv"
     todo = [(path, pd.DataFrame({"n": [number]}), ["n"]) for number in range(40)]
     tables.run(tables.add, todo, lambda _: None, workers=2)
+    end_workers()
     assert pd.read_csv(path)["n"].tolist() == list(range(40))
 
 
