@@ -1,8 +1,9 @@
 """What the site makes of plain Markdown: boxes, captions, minutes, links, numbers.
 
-A chapter is read as a page and in JupyterLab, which knows Markdown alone. So its source has no
-directives: a box is a quotation that begins with bold words, a caption is a paragraph that begins
-with **Figure 1.2.**, and so on. Here they get the look and the links of a page.
+A chapter is read as a page of the site and in JupyterLab, which understands plain Markdown only. So
+its source has no directives. A box is a quotation that begins with bold words, a caption is a
+paragraph that begins with **Figure 1.2.**, and so on. These functions change them into boxes,
+captions and links of the page.
 """
 
 from __future__ import annotations
@@ -25,11 +26,12 @@ TERM = re.compile(r"^(?! )(.+)\n  ", re.MULTILINE)
 
 
 def first(paragraph: nodes.Node):
+    """The first part of a paragraph that has text; None if there is none."""
     return next((part for part in paragraph.children if part.astext()), None)
 
 
 def facts(app, doctree) -> None:
-    """Set what a chapter says of itself, its time and what it needs, apart from its text."""
+    """Mark the paragraphs and lists about a chapter's time and prerequisites."""
     for paragraph in list(doctree.findall(nodes.paragraph)):
         bold = first(paragraph)
         if isinstance(bold, nodes.strong) and FACTS.match(bold.astext()):
@@ -40,7 +42,7 @@ def facts(app, doctree) -> None:
 
 
 def boxes(app, doctree) -> None:
-    """A quotation that begins with bold words is a box with them as its title."""
+    """Change each quotation that begins with bold words into a box with this title."""
     for quote in list(doctree.findall(nodes.block_quote)):
         paragraph = quote[0]
         if not isinstance(paragraph, nodes.paragraph) or not isinstance(
@@ -60,7 +62,7 @@ def boxes(app, doctree) -> None:
 
 
 def captions(app, doctree) -> None:
-    """Captions and minutes by their look, and "figure 1.2" in the text leads to the figure."""
+    """Mark captions and minutes, and link "figure 1.2" in the text to its figure."""
     places = {}
     for paragraph in doctree.findall(nodes.paragraph):
         start, text = first(paragraph), paragraph.astext()
@@ -80,7 +82,7 @@ def captions(app, doctree) -> None:
 
 
 def chapter_links(app, doctree) -> None:
-    """Where a page says "chapter 03", it leads there; in a notebook it stays plain text."""
+    """Link "chapter 03" in the text to that chapter. In a notebook it stays plain text."""
     files = {name[:2]: name for name in chapters.chapter_names(app.srcdir)}
 
     def link(found):
@@ -91,7 +93,7 @@ def chapter_links(app, doctree) -> None:
 
 
 def terms(app, doctree) -> None:
-    """A word in italics that the glossary explains leads there, once on a page."""
+    """Link words in italics to the glossary, each word once on a page."""
     page = Path(app.srcdir, "glossary.md")
     if app.env.docname == "glossary" or not page.exists():
         return
@@ -105,12 +107,17 @@ def terms(app, doctree) -> None:
 
 
 def leads(text: str, kind: str, target: str) -> addnodes.pending_xref:
+    """A link to a document (`kind` is "doc") or to a term of the glossary ("term")."""
     where = {"refdomain": "std", "reftype": kind, "refexplicit": True, "reftarget": target}
     return addnodes.pending_xref("", nodes.inline("", text), **where)
 
 
 def linked(doctree, pattern: re.Pattern, link, places: tuple) -> None:
-    """Replace what the pattern finds in the text of some nodes by the link that is made for it."""
+    """Replace each match of `pattern` in the text by the result of `link(match)`, if it is a link.
+
+    Args:
+        places: kinds of nodes whose text is searched.
+    """
     for text in list(doctree.findall(nodes.Text)):
         inside = text.parent
         if not isinstance(inside, places):
@@ -125,7 +132,11 @@ def linked(doctree, pattern: re.Pattern, link, places: tuple) -> None:
 
 
 def filled(app, doctree) -> list[str]:
-    """Write the numbers that the chapter's run gave into its text; those that changed, in words."""
+    """Put the numbers of the chapter's run into its text.
+
+    Returns:
+        A sentence for each number that changed.
+    """
     asked = [
         one for one in doctree.findall(nodes.container) if f"tag_{numbers.TAG}" in one["classes"]
     ]

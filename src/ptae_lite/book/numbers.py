@@ -1,13 +1,13 @@
 """Numbers in a chapter's text that come from its cells.
 
-In a source stands `59 mm<!--{along.min():.0f} mm-->`. A reader sees "59 mm", on the site, in
-JupyterLab and wherever else Markdown is shown. The comment says how it is made: a text with Python
-in braces, as in an f-string, worked out by the chapter's kernel at that place, after the code cell
-before it. `run.py notebooks` writes the value before the comment; whoever writes a chapter begins
-with `?<!--{...}-->`. The site's build works all of them out again.
+A source has, for example, `59 mm<!--{along.min():.0f} mm-->`. A reader sees "59 mm", on the site,
+in JupyterLab and wherever Markdown is shown. The comment says how the number is made: it is text
+with Python in braces, as in an f-string. The chapter's kernel evaluates it after the code cell
+before it. `run.py notebooks` writes the value in front of the comment. Authors first write
+`?<!--{...}-->`. The build of the site evaluates all of them again.
 
-A value reaches back to the space or the markup before it, so the spaces in it become ones at which
-a line does not break.
+A value starts after the last space or markup before the comment. So the spaces in a value are
+written as spaces at which a line does not break.
 """
 
 from __future__ import annotations
@@ -30,7 +30,11 @@ AT_END = re.compile(f"{SHOWN}$")
 
 
 def ways(text: str) -> list[str]:
-    """How each number of a text is made, in their order."""
+    """The comments that make the numbers of a text, in order.
+
+    Raises:
+        ArtefactError: a comment has no value before it.
+    """
     found = [found["how"] for found in NUMBER.finditer(text)]
     if len(found) != len(COMMENT.findall(text)):
         raise ArtefactError("A comment with {...} has no value before it; write a ? to begin with.")
@@ -38,7 +42,7 @@ def ways(text: str) -> list[str]:
 
 
 def ask(notebook: NotebookNode) -> None:
-    """Put a cell after each text with numbers, which prints their values."""
+    """After each text with numbers, insert a cell that prints their values."""
     cells = []
     for cell in notebook.cells:
         cells.append(cell)
@@ -50,7 +54,7 @@ def ask(notebook: NotebookNode) -> None:
 
 
 def take(notebook: NotebookNode) -> list[str]:
-    """Take these cells out of a notebook that has run; returns the values in their order."""
+    """Remove these cells from a notebook that has run; returns the values in order."""
     asked = [cell for cell in notebook.cells if TAG in cell.metadata.get("tags", [])]
     notebook.cells = [cell for cell in notebook.cells if cell not in asked]
     ran = (cell for cell in notebook.cells if cell.get("execution_count"))
@@ -63,9 +67,10 @@ def take(notebook: NotebookNode) -> list[str]:
 
 
 def fill(text: str, values: Iterator[str]) -> str:
-    """The text with the next values in the place of the old ones."""
+    """The text with the next values instead of the old ones."""
     return NUMBER.sub(lambda found: unbroken(next(values)) + found[0][len(found["shown"]) :], text)
 
 
 def unbroken(value: str) -> str:
+    """The value with spaces at which a line does not break."""
     return value.replace(" ", "\N{NO-BREAK SPACE}")

@@ -1,8 +1,8 @@
-"""Predict first: a reader commits to a guess, and the reply knows how such guesses go wrong.
+"""Questions to guess before reading on. The reply explains the likely mistakes.
 
-Each function returns HTML that works on a page without a kernel, and in JupyterLab once its cell
-has run. It needs no library, keeps nothing and sends nothing. The replies stand in attributes, so
-that nobody reads them by accident, not even where a page runs no scripts.
+Each function returns HTML that works on a page without a kernel, and in JupyterLab after its cell
+has run. It needs no library, and it stores and sends nothing. The replies are in attributes, so
+that no reader sees them by accident, even where a page runs no scripts.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ _STYLE = "border-left:4px solid #0072B2;padding:.5em 1em .7em;margin:.6em 0"
 
 
 class Guess:
-    """A question as HTML, and as text for where no HTML is shown."""
+    """A question as HTML, and as text for places that show no HTML."""
 
     def __init__(self, html: str, text: str):
         self.html, self.text = html, text
@@ -82,13 +82,16 @@ class Guess:
 
 
 def choose(question: str, replies: Mapping[str, str], right: str) -> Guess:
-    """One of several answers.
+    """A question with several answers.
 
     Args:
-        question: asked above the answers.
-        replies: each answer, with what is said when it is chosen: why somebody thinks so, and why
-            it is not so. Without "yes" or "no", which stand before it.
-        right: the right one of the answers.
+        question: shown above the answers.
+        replies: each answer, and the reply to it: why one may think so, and why it is wrong. "Yes"
+            or "No" is put before it.
+        right: the right answer.
+
+    Raises:
+        PTAEError: `right` is not one of two or more answers.
     """
     if right not in replies or len(replies) < 2:
         raise PTAEError(f"{right!r} must be one of two or more answers: {', '.join(replies)}")
@@ -113,15 +116,15 @@ def number(
     unit: str = "",
     replies: Mapping[float, str] | None = None,
 ) -> Guess:
-    """A number to type.
+    """A question whose answer is a number.
 
     Args:
-        question: asked above the box.
-        answer: the right one.
-        why: said after any guess; it should name the answer.
-        within: how far from the answer still counts as right.
-        unit: written behind the box.
-        replies: what is said, before `why`, to wrong guesses within a tenth of a number.
+        question: shown above the box.
+        answer: the right number.
+        why: shown after any guess; it should name the answer.
+        within: the largest error that counts as right.
+        unit: shown behind the box.
+        replies: shown before `why` after a wrong guess within a tenth of one of these numbers.
     """
     facts = {
         "answer": float(answer), "within": float(within), "why": escape(why),
@@ -147,13 +150,15 @@ def order(
     """Things to put in order.
 
     Args:
-        question: asked above them.
-        items: in the right order; shown in another one.
-        why: said when the order is right.
-        hint: said when it is not.
-        replies: for two items (first, second): said instead of `hint` when they stand the wrong
-            way round.
+        question: shown above them.
+        items: in the right order. They are shown in another one.
+        why: shown if the order is right.
+        hint: shown if it is not.
+        replies: for two items (first, second): shown instead of `hint` if their order is wrong.
         seed: of the order in which they are shown.
+
+    Raises:
+        PTAEError: there are fewer than three items, or two are equal.
     """
     if len(items) < 3 or len(set(items)) < len(items):
         raise PTAEError("an order needs three or more different things")
