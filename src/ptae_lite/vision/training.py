@@ -25,7 +25,7 @@ class PixelCrossEntropy(torch.autograd.Function):
     @staticmethod
     def forward(ctx, z, x, value: bool = True):
         """The loss of logits `z` for images `x`, both (B, C, 120, 160); 0 without `value`."""
-        ctx.save_for_backward((torch.sigmoid(z) - x).div_(z.numel()))
+        ctx.save_for_backward(torch.sigmoid(z).sub_(x).div_(z.numel()))
         if not value:
             return z.new_zeros(())
         return functional.binary_cross_entropy_with_logits(z, x)
@@ -128,8 +128,8 @@ class AutoencoderTrainer:
 
     def _update(self, x, value: bool):
         """One step on a batch; returns its loss."""
+        self.optimiser.zero_grad()  # first: the last gradients take as much memory as the weights
         loss = PixelCrossEntropy.apply(self.encoder.logits(x), x, value)
-        self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()
         return loss.detach()
