@@ -124,10 +124,10 @@ def small_configs(tiny):
 @pytest.fixture
 def small_experiments(monkeypatch, small_configs):
     """Experiments are of tiny models and few epochs; keeps those that were trained."""
-    from ptae_lite.experiments import experiment, runner
+    from ptae_lite.experiments import experiment
     from ptae_lite.training import Recipe
 
-    asked, real, models = [], runner.fit, experiment.MODELS
+    asked, real, models = [], experiment.Experiment.fit, experiment.MODELS
 
     def fit(one, *rest, **more):
         asked.append(one)
@@ -139,7 +139,7 @@ def small_experiments(monkeypatch, small_configs):
         for k, v in models.items()
     }
     monkeypatch.setattr(experiment, "MODELS", small)
-    monkeypatch.setattr(runner, "fit", fit)
+    monkeypatch.setattr(experiment.Experiment, "fit", fit)
     return asked
 
 

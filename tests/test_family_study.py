@@ -12,7 +12,8 @@ from test_recording import end_workers
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import family, runner, tables
+from ptae_lite.experiments import family, tables
+from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
@@ -58,7 +59,7 @@ def test_the_long_trainings_are_made_only_when_they_are_named(few, trained, tmp_
     def made(_, samples, data, variant, seed):
         return pd.DataFrame([{"data": data, "variant": variant, "seed": seed}])
 
-    monkeypatch.setattr(runner, "fit", lambda *_: trained)
+    monkeypatch.setattr(Experiment, "fit", lambda *_: trained)
     monkeypatch.setattr(family, "STUDY", replace(family.STUDY, score=made))
     regular = set(family.study(few, tmp_path, seeds=(0,))["variant"])
     long = ("PTAE, long", "PGAE, long")

@@ -109,6 +109,7 @@ def test_one_of_several_that_fails_is_a_failure_and_the_others_are_finished(tmp_
 
 def test_eyes_are_taken_from_where_their_study_leaves_them():
     from ptae_lite.experiments import encoders
+    from ptae_lite.experiments.encoder_training import folder_of
 
     (one,) = (one for one in STAGES if one.name == "encoders")
     for name, path in one.lies.items():
@@ -116,10 +117,7 @@ def test_eyes_are_taken_from_where_their_study_leaves_them():
                         for k in ("kind", "recipe"))  # fmt: skip
         (encoder,) = (e for e, (k, code) in encoders.CAES.items() if k == kind and code == 10)
         length = recipe["steps"] * recipe["batch"]
-        assert (
-            path == f"encoders/{encoders.folder_of(encoder, recipe['seed'])}/"
-            f"encoder_{length}.safetensors"
-        )
+        assert path == f"encoders/{folder_of(encoder, recipe['seed'])}/encoder_{length}.safetensors"
         assert length in encoders.CHECKPOINTS[encoder]
     features = next(one for one in STAGES if one.name == "features").command
     assert features.endswith("--encoder {out}/" + one.lies["weights/cae.safetensors"])

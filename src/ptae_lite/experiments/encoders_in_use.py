@@ -18,7 +18,8 @@ from ptae_lite.data.samples import Samples
 from ptae_lite.errors import RecordingError
 from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import options
-from ptae_lite.experiments.encoders import CAES, PCAS, folder_of
+from ptae_lite.experiments.encoder_training import folder_of
+from ptae_lite.experiments.encoders import CAES, PCAS
 from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, run
 from ptae_lite.models.checkpoint import Trained

@@ -12,44 +12,28 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
 from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
-from ptae_lite.models import MODELS
+from ptae_lite.experiments.labels import Labels, chosen
+from ptae_lite.models import MODELS, checkpoint
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.training import train
 
-LABELS = ("all", "random", "covering", "few updates")
 VIDEOS = ("noisy", "own episodes")
-
-
-@dataclass(frozen=True)
-class Labels:
-    """Which samples, or which updates, have a label.
-
-    Attributes:
-        chosen: `all`; `random`, that is `percent` of the samples, drawn at random; `covering`, the
-            same but drawn so that they have every word (`labels.cover`); or `few updates`: all
-            samples have a label, but few updates use one (the recipe says how many).
-        percent: share of the samples, above 0 to 100.
-
-    Raises:
-        ConfigError: there is no such choice.
-    """
-
-    chosen: str = "all"
-    percent: float = 100
-
-    def __post_init__(self):
-        if self.chosen not in LABELS:
-            raise ConfigError(f"no labels {self.chosen!r}; there are {', '.join(LABELS)}")
 
 
 @dataclass(frozen=True)
 class Experiment:
     """A training. Its `config` and `recipe` are complete, and the recipe has the seed of all draws.
+
+    `fit`, `load`, `save`, `hash`, `file` and `base` are all that the runner asks of it. Trainings
+    of another kind (`encoder_training`) have the same.
 
     Attributes:
         model: a name in `models.MODELS`.
@@ -94,11 +78,59 @@ class Experiment:
     @cached_property
     def hash(self) -> str:
         """The hash, 64 hexadecimal digits. The weights have it as `about["experiment"]`."""
-        content = asdict(self)
-        del content["name"], content["base"]
-        content |= {"base": self.base.hash if self.base else None}
+        every = asdict(self) | {"base": self.base.hash if self.base else None}
+        content = {one.name: every[one.name] for one in fields(self) if one.compare}
         text = json.dumps(_canonical(content), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
+
+    def load(self, path) -> Trained:
+        """What `save` wrote."""
+        return checkpoint.load(path)
+
+    def save(self, path, trained: Trained) -> None:
+        """Write what `fit` made."""
+        checkpoint.save(path, trained)
+
+    def fit(self, samples: Samples, base: Trained | None = None, watch=None, **options) -> Trained:
+        """Train it. The model says in `about` which `experiment` it is, and the `seconds` of
+        computing that its training took.
+
+        Args:
+            base: the trained `base` of this experiment.
+            watch: see `runner.Study`.
+            options: `device` and `progress`, see `training.train`.
+
+        Raises:
+            ConfigError: the experiment is of other samples.
+        """
+        if samples.fingerprint != self.data:
+            raise ConfigError(f"the experiment is of {self.data}, not of {samples.fingerprint}")
+        made = None
+        if self.videos:
+            from ptae_lite.experiments import videos
+
+            made = videos.make(self.videos, samples, samples.split(self.split), self.seed, base)
+        begun, watching, seen = time.process_time(), 0.0, []
+
+        def look(epoch: int, trained: Trained) -> None:
+            nonlocal watching
+            stopped = time.process_time()
+            found = None if watch is None else watch(trained, samples, epoch)
+            if found is not None:
+                seen.append({"seconds": round(stopped - begun - watching, 1)} | found)
+            watching += time.process_time() - stopped
+
+        own = chosen(samples, self.split, self.labels, self.seed)
+        trained = train(
+            samples, self.recipe, model=self.model, config=self.config, split=self.split,
+            labelled=own, limited=self.labels.chosen == "few updates", videos=made,
+            on_epoch=look, **options,
+        )  # fmt: skip
+        trained.about["experiment"] = self.hash
+        trained.about["seconds"] = round(time.process_time() - begun - watching, 1)
+        if watch is not None:
+            trained.about["watched"] = seen
+        return trained
 
 
 def experiment(

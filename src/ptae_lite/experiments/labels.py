@@ -2,14 +2,40 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Int
 
 from ptae_lite.baselines import linear_describe
 from ptae_lite.data.samples import Samples
-from ptae_lite.experiments.experiment import Labels
+from ptae_lite.errors import ConfigError
 from ptae_lite.language import Meaning, patterns, words_of
 from ptae_lite.training import label
+
+LABELS = ("all", "random", "covering", "few updates")
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Which samples, or which updates, have a label.
+
+    Attributes:
+        chosen: `all`; `random`, that is `percent` of the samples, drawn at random; `covering`, the
+            same but drawn so that they have every word (`labels.cover`); or `few updates`: all
+            samples have a label, but few updates use one (the recipe says how many).
+        percent: share of the samples, above 0 to 100.
+
+    Raises:
+        ConfigError: there is no such choice.
+    """
+
+    chosen: str = "all"
+    percent: float = 100
+
+    def __post_init__(self):
+        if self.chosen not in LABELS:
+            raise ConfigError(f"no labels {self.chosen!r}; there are {', '.join(LABELS)}")
 
 
 def chosen(samples: Samples, split: str, labels: Labels, seed: int) -> Int[np.ndarray, " M"] | None:

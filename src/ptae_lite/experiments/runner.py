@@ -6,22 +6,16 @@ table lacks. So a study that was stopped goes on with the missing rows.
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import pandas as pd
 
-from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.experiments import tables
 from ptae_lite.experiments.experiment import Experiment
-from ptae_lite.experiments.labels import chosen
-from ptae_lite.models import checkpoint
-from ptae_lite.models.checkpoint import Trained
-from ptae_lite.training import train
 
 
 @dataclass(frozen=True)
@@ -50,15 +44,16 @@ class Study:
     score: Callable[..., pd.DataFrame | dict[str, pd.DataFrame]]
     order: list[str] | None = None
     companions: dict[str, list[str]] = field(default_factory=dict)
-    see: Callable[..., Samples] | None = None
+    see: Callable | None = None
     watch: Callable[..., dict | None] | None = None
 
 
-def run(study: Study, samples: Samples, jobs: Iterable[tuple], folder, weights=None,
+def run(study: Study, samples, jobs: Iterable[tuple], folder, weights=None,
         **where) -> pd.DataFrame:  # fmt: skip
     """Make the rows of `jobs` that the study's table in `folder` lacks; return the whole table.
 
     Args:
+        samples: what is trained on and scored: `Samples`, or what a study has in their place.
         weights: a folder of trained models. A model that is there is not trained again, and a new
             one is stored there. None: models are neither looked for nor stored.
         where: where the work is done, see `tables.run`.
@@ -86,7 +81,7 @@ def run(study: Study, samples: Samples, jobs: Iterable[tuple], folder, weights=N
     return tables.read(table, study.key)
 
 
-def work(study: Study, samples: Samples, weights, job: tuple):
+def work(study: Study, samples, weights, job: tuple):
     """The rows of one job."""
     seen = samples if study.see is None else study.see(samples, *job)
     asked = study.experiment(seen, *job)
@@ -94,7 +89,7 @@ def work(study: Study, samples: Samples, weights, job: tuple):
     return study.score(trained, seen, *job)
 
 
-def shared(study: Study, samples: Samples, jobs, weights) -> list[list[Experiment]]:
+def shared(study: Study, samples, jobs, weights) -> list[list[Experiment]]:
     """What to train before the jobs, because several of them need it.
 
     It is a list of groups of experiments. A group needs the models of the groups before it.
@@ -112,21 +107,22 @@ def shared(study: Study, samples: Samples, jobs, weights) -> list[list[Experimen
     return [group for group in left if group]
 
 
-def _train(asked: Experiment, samples: Samples, weights) -> None:
+def _train(asked: Experiment, samples, weights) -> None:
     obtain(asked, samples, weights)
 
 
-def obtain(asked: Experiment, samples: Samples, weights=None, watch=None) -> Trained:
+def obtain(asked: Experiment, samples, weights=None, watch=None):
     """The trained model of an experiment: read from the folder `weights`, or trained and stored."""
     trained = found(asked, weights)
     if trained is None or (watch is not None and "watched" not in trained.about):
-        trained = fit(asked, samples, weights, watch)
+        base = obtain(asked.base, samples, weights) if asked.base else None
+        trained = asked.fit(samples, base, watch)
         if weights is not None:
-            checkpoint.save(Path(weights) / asked.file, trained)
+            asked.save(Path(weights) / asked.file, trained)
     return trained
 
 
-def found(asked: Experiment, weights) -> Trained | None:
+def found(asked: Experiment, weights):
     """The trained model of an experiment, if it is in the folder `weights`, else None.
 
     Raises:
@@ -135,7 +131,7 @@ def found(asked: Experiment, weights) -> Trained | None:
     path = None if weights is None else Path(weights) / asked.file
     if path is None or not path.exists():
         return None
-    trained = checkpoint.load(path)
+    trained = asked.load(path)
     if trained.about.get("experiment") != asked.hash:
         raise ArtefactError(
             f"{path} holds another training than the one asked for "
@@ -144,60 +140,17 @@ def found(asked: Experiment, weights) -> Trained | None:
     return trained
 
 
-def differences(trained: Trained, asked: Experiment) -> str:
+def differences(trained, asked: Experiment) -> str:
     """How a training differs from the one asked for, as far as its file tells."""
-    was = trained.about.get("recipe", {}) | vars(trained.model.config)
-    wanted = vars(asked.recipe) | vars(asked.config)
+    every, about = asdict(asked), trained.about
+    was = (about.get("recipe") or {}) | about.get("config", {})
+    wanted = every["recipe"] | every["config"]
     found = [
         f"{k} {was[k]!r} for {wanted[k]!r}" for k in wanted if k in was and was[k] != wanted[k]
     ]
     if "experiment" not in trained.about:
         found.append("it does not say of which experiment it is")
     return "; ".join(found) or "other data, labels or videos, or another version of the recipe"
-
-
-def fit(asked: Experiment, samples: Samples, weights=None, watch=None, **options) -> Trained:
-    """Train an experiment.
-
-    Its hash and the `seconds` of computing go to `about`.
-
-    Args:
-        weights: folder in which the model of the experiment's base may be.
-        watch: see `Study`.
-        options: `device` and `progress`, see `training.train`.
-
-    Raises:
-        ConfigError: the experiment is of other data.
-    """
-    if samples.fingerprint != asked.data:
-        raise ConfigError(f"the experiment is of {asked.data}, not of {samples.fingerprint}")
-    videos = None
-    if asked.videos:
-        from ptae_lite.experiments.videos import make
-
-        base = obtain(asked.base, samples, weights) if asked.base else None
-        videos = make(asked, samples, base)
-    begun, watching, seen = time.process_time(), 0.0, []
-
-    def look(epoch: int, trained: Trained) -> None:
-        nonlocal watching
-        stopped = time.process_time()
-        found = None if watch is None else watch(trained, samples, epoch)
-        if found is not None:
-            seen.append({"seconds": round(stopped - begun - watching, 1)} | found)
-        watching += time.process_time() - stopped
-
-    own = chosen(samples, asked.split, asked.labels, asked.seed)
-    trained = train(
-        samples, asked.recipe, model=asked.model, config=asked.config, split=asked.split,
-        labelled=own, limited=asked.labels.chosen == "few updates", videos=videos,
-        on_epoch=look, **options,
-    )  # fmt: skip
-    trained.about["experiment"] = asked.hash
-    trained.about["seconds"] = round(time.process_time() - begun - watching, 1)
-    if watch is not None:
-        trained.about["watched"] = seen
-    return trained
 
 
 def check_names(asked: Sequence[str], there: Iterable[str], what: str) -> None:

@@ -229,7 +229,7 @@ def labels_of(job: Job) -> Labels:
 def fit(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "train",
         progress=lambda epochs: epochs) -> Trained:  # fmt: skip
     """Train the model of a job; see `experiment_of`."""
-    return runner.fit(experiment_of(samples, job, recipe, split), samples, progress=progress)
+    return experiment_of(samples, job, recipe, split).fit(samples, progress=progress)
 
 
 def scores(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:

@@ -14,7 +14,6 @@ from ptae_lite import artefacts, vision
 from ptae_lite.acting import Actor
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import STEPS
-from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.experiments.tasks import tasks_in
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop
@@ -23,17 +22,20 @@ NOISE = 0.3  # spread of the noise, as a share of the feature's spread over the 
 COUNT = 2  # noisy videos for each sample
 
 
-def make(asked: Experiment, samples: Samples, base: Trained | None) -> dict[int, list[np.ndarray]]:
+def make(
+    kind: str, samples: Samples, indices, seed: int, base: Trained | None = None
+) -> dict[int, list[np.ndarray]]:
     """Videos by sample number, features (99, F) each, as `training.train` takes them.
 
     Args:
+        kind: `noisy` or `own episodes`.
+        indices: the samples that are trained on.
         base: the model that acts in `own episodes`. It acts in half of the samples: in one half
             with even seeds, in the other with odd ones.
     """
-    indices = samples.split(asked.split)
-    if asked.videos == "noisy":
-        return noisy(samples, indices, asked.seed)
-    seen = seen_in_own_episodes(base, samples, indices[asked.seed % 2 :: 2])
+    if kind == "noisy":
+        return noisy(samples, indices, seed)
+    seen = seen_in_own_episodes(base, samples, indices[seed % 2 :: 2])
     return {sample: [video] for sample, video in seen.items()}
 
 

@@ -10,7 +10,6 @@ from ptae_lite import artefacts
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.vision import pca
 from ptae_lite.vision.autoencoder import CODE, ChannelSeparatedCAE, PlainCAE
-from ptae_lite.vision.training import AutoencoderRecipe
 
 ENCODERS = {"separated": ChannelSeparatedCAE, "plain": PlainCAE}
 WITHOUT_NETWORK = {encoder.kind: encoder for encoder in (pca.JointPCA, pca.ChannelPCA)}
@@ -28,13 +27,11 @@ def make_autoencoder(kind: str, code: int = CODE) -> nn.Module:
     return kinds[kind](code)
 
 
-def save_autoencoder(
-    path, encoder: nn.Module, recipe: AutoencoderRecipe | None = None, device: str = "cpu", **more
-) -> None:
+def save_autoencoder(path, encoder: nn.Module, recipe=None, device: str = "cpu", **more) -> None:
     """Write an encoder to one file, with its kind and how it was trained.
 
     Args:
-        recipe: None for an encoder without a network.
+        recipe: a dataclass that says how.
         device: where it was trained.
         more: further entries to store, such as `experiment`.
     """

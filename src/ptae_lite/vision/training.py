@@ -53,6 +53,11 @@ class AutoencoderRecipe:
         if self.steps < 1 or self.batch < 1:
             raise ConfigError("a CAE needs at least one step, and an image a batch")
 
+    @property
+    def samples_seen(self) -> int:
+        """How many images are presented in all."""
+        return self.steps * self.batch
+
 
 WARM_UP = 50  # steps until the learning rate is reached
 DECAY = 0.2  # share of all steps, at the end, in which the learning rate falls to zero
