@@ -10,7 +10,6 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -32,7 +31,8 @@ from ptae_lite.files import check_writable, file_lock
 from ptae_lite.models import MODELS
 from ptae_lite.pipes import piped
 
-TRAINED = (*MODELS, "cae", "plain-cae")
+CAES = {"cae": "separated", "plain-cae": "plain"}  # the kind of each
+TRAINED = (*MODELS, *CAES)
 
 
 def do_record(options) -> dict:
@@ -78,56 +78,55 @@ def do_train(options) -> dict:
     """Run `train`; returns what it prints."""
     torch.set_num_threads(options.threads)
     if options.out is None:
-        options.out = f"build/weights/{options.model.replace('-', '_')}.safetensors"
+        seed = "" if options.model in CAES else f"_seed{options.seed}"  # as `Experiment.file`
+        options.out = f"build/weights/{options.model.replace('-', '_')}{seed}.safetensors"
     refuse_data(options.out, "build/weights")
     check_writable(options.out)  # before the training, not after it
-    if options.model in ("cae", "plain-cae"):
+    if options.model in CAES:
         return _train_autoencoder(options)
-    from ptae_lite import training
     from ptae_lite.data.samples import load_samples
     from ptae_lite.evaluation import evaluate
-    from ptae_lite.models import checkpoint
+    from ptae_lite.experiments.experiment import experiment
+    from ptae_lite.experiments.labels import Labels
 
     samples = load_samples(options.data, options.holdout)
-    recipe = replace(MODELS[options.model].recipe, seed=options.seed)
-    if options.epochs is not None:
-        recipe = replace(recipe, epochs=options.epochs)
-    split = "fit" if options.held_out else "train"
-    labelled = None
-    if options.labelled is not None:
-        labelled = training.label(samples.split(split), options.labelled, options.seed)
-    config = configured(options.model, samples.features.shape[2], options.set or ())
-    trained = training.train(
-        samples, recipe, model=options.model, config=config, split=split, labelled=labelled,
-        device=options.device,
+    asked = experiment(
+        samples, options.model, settings(options.model, options.set or ()),
+        {} if options.epochs is None else {"epochs": options.epochs}, options.seed,
+        split="fit" if options.held_out else "train",
+        labels=Labels() if options.labelled is None else Labels("random", options.labelled),
+    )  # fmt: skip
+    trained = asked.fit(
+        samples, device=options.device,
         progress=lambda epochs: bar(epochs, desc=options.model.upper(), unit=" epochs"),
     )  # fmt: skip
-    checkpoint.save(options.out, trained)
+    asked.save(options.out, trained)
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
     made = {"weights": str(options.out), "steps": trained.about["steps"]}
     return made | _rounded(scores) | caution(samples)
 
 
-def configured(model: str, features: int, settings):
-    """The model's configuration, changed by `settings`, each NAME=VALUE.
+def settings(model: str, given) -> dict:
+    """What `given`, each NAME=VALUE, changes in the model's configuration.
 
     Raises:
-        PTAEError: there is no such setting, or its value is of another type.
+        PTAEError: a name or a value that the configuration does not have.
     """
-    config = MODELS[model].config(features=features)
-    for setting in settings:
+    config, found = vars(MODELS[model].config()), {}
+    for setting in given:
         name, _, text = setting.partition("=")
-        if name not in vars(config):
-            there = renamed.said_of([name], renamed.SETTINGS) or f"it has {', '.join(vars(config))}"
+        if name not in config:
+            there = renamed.said_of([name], renamed.SETTINGS) or f"it has {', '.join(config)}"
             raise PTAEError(f"{model} has no setting {name!r}; {there}")
-        kind = type(getattr(config, name))
+        kind = type(config[name])
         try:
-            value = {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
+            found[name] = (
+                {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
+            )
         except (KeyError, ValueError):
             wanted = {bool: "true or false", int: "a whole number", float: "a number"}[kind]
             raise PTAEError(f"{name} is {wanted}, not {text!r}") from None
-        config = replace(config, **{name: value})
-    return config
+    return found
 
 
 def do_evaluate(options) -> dict:
@@ -155,9 +154,7 @@ def _train_autoencoder(options) -> dict:
         raise PTAEError("a CAE is trained by --steps, not by --epochs")
     if options.steps is not None:
         recipe = vision.AutoencoderRecipe(seed=options.seed, steps=options.steps)
-    encoder = vision.make_autoencoder(
-        "separated" if options.model == "cae" else "plain", options.code
-    )
+    encoder = vision.make_autoencoder(CAES[options.model], options.code)
     images = frames.training_images(options.data)
     losses = vision.train_autoencoder(
         encoder, images, recipe, device=options.device,
@@ -208,7 +205,7 @@ def train_options(made: argparse.ArgumentParser) -> None:
         "--threads", type=whole_number(1), default=1, help="threads inside one training"
     )
     made.add_argument("--device", default="cpu", help="cpu, or a GPU such as cuda")
-    made.add_argument("--out", help="safetensors file to write (default: build/weights/MODEL)")
+    made.add_argument("--out", help="safetensors file to write (default: in build/weights)")
 
 
 def evaluate_options(made: argparse.ArgumentParser) -> None:
