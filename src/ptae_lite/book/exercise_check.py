@@ -187,6 +187,12 @@ def _as_number(value: Any, example: float) -> tuple[float | None, str]:
     return (float(made) if fits else None), "one finite number"
 
 
+def _as_whole_number(value: Any, example: int) -> tuple[int | None, str]:
+    made = _numbers(value)
+    fits = made is not None and made.ndim == 0 and made.dtype.kind in "iu"
+    return (int(made) if fits else None), "one whole number"
+
+
 def _as_bool(value: Any, example: bool) -> tuple[bool | None, str]:
     return (bool(value) if isinstance(value, bool | np.bool_) else None), "True or False"
 
@@ -205,6 +211,7 @@ def _as_list(value: Any, example: list | tuple) -> tuple[list | None, str]:
 
 _FITS = {
     np.ndarray: _as_array,
+    int: _as_whole_number,
     float: _as_number,
     bool: _as_bool,
     str: _as_text,
