@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, progress
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import cannot_write
 
@@ -18,9 +18,19 @@ INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
 RECORDING = "build/recording"
 
 
+class Bar(tqdm):
+    """A progress bar. It also tells a full re-run how far it is."""
+
+    def display(self, *args, **options):
+        """Show it."""
+        if self.total:
+            progress.tell(self.n / self.total)
+        return super().display(*args, **options)
+
+
 def bar(items, **options):
     """A progress bar on the error stream."""
-    return tqdm(items, file=sys.stderr, dynamic_ncols=True, **options)
+    return Bar(items, file=sys.stderr, dynamic_ncols=True, **options)
 
 
 def data_options(parser: argparse.ArgumentParser) -> None:

@@ -16,14 +16,15 @@ import sys
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, progress
 from ptae_lite.errors import PTAEError
 from ptae_lite.experiments import tables
 from ptae_lite.files import atomic_write
 from ptae_lite.reproduce.fingerprints import library
 from ptae_lite.reproduce.stages import STAGES, Stage
-from ptae_lite.reproduce.view import View, share_in
+from ptae_lite.reproduce.view import View
 
 FORMAT = "ptae-lite re-run 1"
 TAIL = 8  # last lines of a failed command's log that are shown
@@ -172,12 +173,15 @@ class Rerun:
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
         with (
             open(out / "logs" / f"{stage.name}.log", "wb") as log,
-            subprocess.Popen(command, cwd=artefacts.ROOT, env=env, **pipes) as process,
+            TemporaryDirectory() as folder,
+            subprocess.Popen(
+                command, cwd=artefacts.ROOT, env=env | {progress.FILE: f"{folder}/share"}, **pipes
+            ) as process,
         ):
             try:
                 while said := process.stdout.read1(65536):
                     log.write(said)
-                    view.tick(share_in(said))
+                    view.tick(progress.share_in(folder))
                 return process.wait()
             except KeyboardInterrupt:  # the command gets it, too, and ends by itself
                 try:

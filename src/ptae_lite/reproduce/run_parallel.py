@@ -9,6 +9,8 @@ import subprocess
 import sys
 from itertools import groupby
 
+from ptae_lite import progress
+
 
 def commands(words: list[str]) -> list[list[str]]:
     """The words of each command."""
@@ -17,7 +19,11 @@ def commands(words: list[str]) -> list[list[str]]:
 
 def main(arguments: list[str]) -> int:
     """Run each command to its end; returns 0 if none failed."""
-    running = [subprocess.Popen([sys.executable, "-m", *words]) for words in commands(arguments)]
+    asked = commands(arguments)
+    running = [
+        subprocess.Popen([sys.executable, "-m", *words], env=env)
+        for words, env in zip(asked, progress.environments(len(asked)), strict=True)
+    ]
     try:
         return int(any([process.wait() for process in running]))  # a list: all are waited for
     finally:

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 
-PERCENT = re.compile(rb"(\d{1,3})%[|\]]")  # in a progress bar of tqdm, or in the output of Sphinx
 QUIET_S = 600  # between two lines in a log file, where a line cannot be overwritten
-
-
-def share_in(said: bytes) -> float | None:
-    """How far the last progress bar in `said` is, from 0 to 1; None if there is none."""
-    found = PERCENT.findall(said)
-    return int(found[-1]) / 100 if found else None
 
 
 def duration(minutes: float) -> str:
