@@ -25,7 +25,7 @@ from ptae_lite.book.chapters import notebook_files
 
 ROOT = Path(__file__).resolve().parents[1]
 BOOK = ROOT / "book"
-RETOLD: list[str] = []  # grows with each chapter that is rewritten
+RETOLD = ["01_simulation", "in_depth/01_motion"]  # grows with each chapter that is rewritten
 FOLDED = {"hide-input", "remove-input", "hide-cell", "remove-cell"}
 COLUMNS = 79  # of a line of code that is shown
 TABLE_LINES = 4  # printed lines from which an output is a table
@@ -46,6 +46,12 @@ ABOUT = {
 }  # fmt: skip
 SHARES = {1, 2, 5, 10, 20, 50, 66.6, 100}
 CAPTION = re.compile(r"\*\*(?:Figure|Table) (\d+(?:\.\d+)?)\.\*\*")
+# Formulas, code, names, shapes, minutes, and the numbers of a list's items.
+NO_NUMBERS = re.compile(
+    r"\$\$.*?\$\$|\$[^$]*\$|`[^`]*`|\b[Cc]hapter \d+|\b(?:Figure|figure|Table|table) \d+(?:\.\d+)?"
+    r"|\d+ × \d+|^\s*\d+ minutes?\*|^\s*\d+\. ",
+    re.DOTALL | re.MULTILINE,
+)
 IN_WORDS = re.compile(  # not "one", which mostly is no number
     r"\b(?:two|three|four|five|six|seven|eight|nine|ten|eleven|twelve|twenty|thirty|fifty|hundred"
     r"|thousand|half|third|quarter|twice)\b",
@@ -128,7 +134,7 @@ def is_guess(output) -> bool:
 
 def numbers_in(source: str) -> tuple[int, int]:
     """Number expressions in digits, and in words. A formula or code in the text is neither."""
-    text = re.sub(r"\$[^$]*\$|`[^`]*`|\b[Cc]hapter \d+|[Ff]igure \d+\.\d+", " ", prose(source))
+    text = NO_NUMBERS.sub(" ", prose(source))
     digits = re.findall(r"(?<![\w.])[-+]?\d[\d,.]*", text)
     return len(digits), len(IN_WORDS.findall(text))
 

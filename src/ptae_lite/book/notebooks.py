@@ -129,25 +129,26 @@ def to_bytes(notebook: NotebookNode, name: str) -> bytes:
 def write(md: Path) -> Path:
     """Run a chapter, renew the numbers in its text and write its twin.
 
-    If anything fails, both files stay as they were.
+    The source is set as JupyterLab would save it. If anything fails, both files stay as they were.
     """
-    notebook = read(md)
+    source, notebook = read(md), read(md)
     numbers.ask(notebook)
     execute(notebook, md.parent.resolve())
     values = numbers.take(notebook)
-    in_order = iter(values)
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown":
-            cell.source = numbers.fill(cell.source, in_order)
+    for one in (source, notebook):
+        in_order = iter(values)
+        for cell in one.cells:
+            if cell.cell_type == "markdown":
+                cell.source = numbers.fill(cell.source, in_order)
     clean(notebook)
     set_ids(notebook)
     notebook.metadata[STAMP] = {"cells": fingerprint(notebook)}
     ipynb = md.with_suffix(".ipynb")
     content = to_bytes(notebook, ipynb.name)
-    if values:
-        source = numbers.fill(md.read_text(encoding="utf-8"), iter(values))
+    text = jupytext.writes(source, fmt="md:myst")
+    if text != md.read_text(encoding="utf-8"):
         with atomic_write(md) as temporary:
-            temporary.write_text(source, encoding="utf-8", newline="\n")
+            temporary.write_text(text, encoding="utf-8", newline="\n")
     with atomic_write(ipynb) as temporary:
         temporary.write_bytes(content)
     return ipynb

@@ -156,6 +156,42 @@ def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None,
     return style.closed(figure)
 
 
+def audit(checks: Mapping[str, tuple[int, int, int]], names: tuple[str, str]) -> Figure:
+    """Two data sets under some checks, each (passed by the first, passed by the second, of).
+
+    A row for each check, from none to all; a square for the first set, a circle for the second.
+    """
+    figure, axes = plt.subplots(figsize=(6.4, 0.55 * len(checks) + 0.7))
+    looks = (("s", style.RED), ("o", style.BLUE))
+    for row, (*passed, total) in enumerate(checks.values()):
+        axes.plot([0, 1], [row, row], color="#D0D0D0", lw=1, zorder=1)
+        for count, name, (mark, colour) in zip(passed, names, looks, strict=True):
+            axes.plot(count / total, row, mark, color=colour, ms=8, zorder=2)
+            text = f"{count}" + (f" ({name})" if row == 0 else "")
+            axes.annotate(text, (count / total, row), (0, 8), textcoords="offset points",
+                          ha="center", color=colour)  # fmt: skip
+    labels = [f"{check} (of {total})" for check, (*_, total) in checks.items()]
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set(xticks=[0, 1], xticklabels=["none", "all"], xlim=(-0.15, 1.15))
+    axes.set_ylim(len(labels) - 0.6, -0.7)
+    axes.grid(False)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    return style.closed(figure)
+
+
+def ranges(used: Mapping[str, tuple[float, float]], allowed: Sequence[tuple], unit: str) -> Figure:
+    """The range of each joint that a data set uses, within the range that is allowed."""
+    figure, axes = plt.subplots(figsize=(6.4, 2.0))
+    for row, ((low, high), (least, most)) in enumerate(zip(used.values(), allowed, strict=True)):
+        axes.barh(row, most - least, left=least, height=0.7, color="#DDDDDD")
+        axes.barh(row, high - low, left=low, height=0.35, color=style.BLUE)
+    axes.set_yticks(range(len(used)), list(used))
+    axes.invert_yaxis()
+    axes.set(xlabel=unit)
+    return style.closed(figure)
+
+
 def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
     """The five joints over time in degrees, a panel each. A group of clips has one colour."""
     figure, row = plt.subplots(1, len(arm.JOINTS), figsize=(7.4, 2.1), sharex=True)
