@@ -9,12 +9,11 @@ import re
 import shutil
 from pathlib import Path
 
-from docutils import nodes
-from sphinx import addnodes
+import jupytext
 from sphinx.util import logging
 
-from ptae_lite import artefacts
-from ptae_lite.book import chapters
+from ptae_lite import artefacts, run_mode
+from ptae_lite.book import chapters, marks, numbers
 from ptae_lite.widgets import viewer
 
 logger = logging.getLogger(__name__)
@@ -75,7 +74,8 @@ html_theme_options = {
     "show_toc_level": 2,
     "navbar_persistent": [],  # its search field stands in the sidebar already
 }
-if artefacts.data_folder() != artefacts.ROOT / "data":  # of a full re-run
+of_a_rerun = artefacts.data_folder() != artefacts.ROOT / "data"
+if of_a_rerun:
     html_theme_options["announcement"] = (
         "Built from a re-run. Its report.md says which numbers it made; the others are the stored."
     )
@@ -89,8 +89,6 @@ EXTERNAL = re.compile(
     r"(?:https?:)?//[^\s\"'>]+",
     re.IGNORECASE,
 )
-FACTS = re.compile(r"^(Time|Prerequisites|You will learn|After this chapter you can):?")
-CHAPTER = re.compile(r"\b[Cc]hapter (\d\d)\b")
 COLOUR_CODE = re.compile(r"\x1b\[[0-9;]*m")
 
 
@@ -105,35 +103,21 @@ def copy_scripts(app) -> None:
     Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(viewer.shared_script())
 
 
-def mark_facts(app, doctree) -> None:
-    """Set what a chapter says of itself, its time and what it needs, apart from its text."""
-    for paragraph in list(doctree.findall(nodes.paragraph)):
-        first = next((part for part in paragraph if part.astext()), None)
-        if isinstance(first, nodes.strong) and FACTS.match(first.astext()):
-            paragraph["classes"].append("facts")
-            after = paragraph.next_node(descend=False, siblings=True)
-            if isinstance(after, nodes.bullet_list):
-                after["classes"].append("facts")
+def ask_numbers(app, docname, source) -> None:
+    """Let a chapter's run work out the numbers in its text."""
+    if "{code-cell}" in source[0] and numbers.COMMENT.search(source[0]):
+        notebook = jupytext.reads(source[0], fmt="md:myst")
+        numbers.ask(notebook)
+        source[0] = jupytext.writes(notebook, fmt="md:myst")
 
 
-def link_chapters(app, doctree) -> None:
-    """Where a page says "chapter 03", it leads there; in a notebook it stays plain text."""
-    files = {name[:2]: name for name in chapters.chapter_names(app.srcdir)}
-    for text in list(doctree.findall(nodes.Text)):
-        inside = text.parent
-        if not isinstance(inside, (nodes.paragraph, nodes.emphasis, nodes.strong)):
-            continue
-        parts, end = [], 0
-        for found in CHAPTER.finditer(text):
-            stem = files.get(found[1])
-            if stem in (None, app.env.docname):
-                continue
-            link = {"refdomain": "std", "reftype": "doc", "refexplicit": True, "reftarget": stem}
-            leads = addnodes.pending_xref("", nodes.inline("", found[0]), **link)
-            parts += [nodes.Text(text[end : found.start()]), leads]
-            end = found.end()
-        if parts:
-            inside.replace(text, [*parts, nodes.Text(text[end:])])
+def fill_numbers(app, doctree) -> None:
+    """Numbers in the text are those of this run; where they should not move, say which did."""
+    changed = marks.filled(app, doctree)
+    if run_mode.tier() == "replay" and not of_a_rerun:
+        name = app.env.docname
+        for one in changed:
+            logger.warning("%s: %s; python3 run.py notebooks %s", name, one, Path(name).name)
 
 
 def offer_notebook(app, pagename, templatename, context, doctree) -> None:
@@ -143,10 +127,11 @@ def offer_notebook(app, pagename, templatename, context, doctree) -> None:
 
 
 def copy_notebooks(app) -> None:
-    for md in chapters.chapter_files(app.srcdir):
+    for md in chapters.notebook_files(app.srcdir):
         twin = md.with_suffix(".ipynb")
         if twin.exists():
-            shutil.copyfile(twin, Path(app.outdir, "_sources", twin.name))
+            to = Path(app.outdir, "_sources", twin.relative_to(app.srcdir))
+            shutil.copyfile(twin, to)
 
 
 def halve(app, env, docnames) -> None:
@@ -192,7 +177,9 @@ def setup(app) -> None:
     app.connect("builder-inited", copy_scripts)
     app.connect("env-before-read-docs", halve)
     app.connect("doctree-read", tell)
-    app.connect("doctree-read", mark_facts)
-    app.connect("doctree-read", link_chapters)
+    app.connect("source-read", ask_numbers)
+    app.connect("doctree-read", fill_numbers)
+    for mark in (marks.facts, marks.boxes, marks.captions, marks.chapter_links, marks.terms):
+        app.connect("doctree-read", mark)
     app.connect("html-page-context", offer_notebook, priority=400)  # before the theme's buttons
     app.connect("build-finished", finish)

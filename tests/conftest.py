@@ -1,5 +1,6 @@
 """Shapes in annotations are checked in every test; small data and models that many tests use."""
 
+import os
 import sys
 from dataclasses import replace
 from functools import partial
@@ -7,10 +8,10 @@ from functools import partial
 import jaxtyping
 import numpy as np
 import pytest
-import torch
 
+# PyTorch is imported by the tests that need it: it is 150 MB in the process that hands tests out.
+os.environ["OMP_NUM_THREADS"] = "1"
 jaxtyping.install_import_hook("ptae_lite", "typing_rules.checked")
-torch.set_num_threads(1)
 
 FEATURES = 6
 EYE = "e" * 64
@@ -123,10 +124,10 @@ def small_configs(tiny):
 @pytest.fixture
 def small_experiments(monkeypatch, small_configs):
     """Experiments are of tiny models and few epochs; keeps those that were trained."""
-    from ptae_lite.experiments import experiment, runner
+    from ptae_lite.experiments import experiment
     from ptae_lite.training import Recipe
 
-    asked, real, models = [], runner.fit, experiment.MODELS
+    asked, real, models = [], experiment.Experiment.fit, experiment.MODELS
 
     def fit(one, *rest, **more):
         asked.append(one)
@@ -138,7 +139,7 @@ def small_experiments(monkeypatch, small_configs):
         for k, v in models.items()
     }
     monkeypatch.setattr(experiment, "MODELS", small)
-    monkeypatch.setattr(runner, "fit", fit)
+    monkeypatch.setattr(experiment.Experiment, "fit", fit)
     return asked
 
 
@@ -153,6 +154,8 @@ def trained(few, tiny):
 @pytest.fixture
 def make_batch(source):
     """A function that wires sample numbers to one signal."""
+    import torch
+
     from ptae_lite.data.signals import build, signal_number
 
     def make(indices, signal, alternative=0):

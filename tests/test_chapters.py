@@ -86,9 +86,9 @@ def test_the_list_names_every_chapter_of_the_book():
 
 def test_chapters_are_found_by_name_and_in_the_order_of_the_list(book):
     assert [path.name for path in chapters.chapter_files(book)] == ["02_two.md", "01_one.md"]
-    assert chapters.chapter_files(book, ["02_two.ipynb"]) == [book / "02_two.md"]
+    assert chapters.notebook_files(book, ["02_two.ipynb"]) == [book / "02_two.md"]
     with pytest.raises(ArtefactError, match="No chapter 01_one-Copy1 in .*02_two, 01_one"):
-        chapters.chapter_files(book, ["01_one-Copy1"])
+        chapters.notebook_files(book, ["01_one-Copy1"])
     with pytest.raises(ArtefactError, match="lists no chapters"):
         chapters.chapter_files(book / "api")
 

@@ -13,7 +13,8 @@ import pytest
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, training, vision
 from ptae_lite.data import frames
-from ptae_lite.experiments import closed_loop
+from ptae_lite.errors import ArtefactError
+from ptae_lite.experiments import closed_loop, experiment, runner
 from ptae_lite.experiments.registry import STUDIES
 from ptae_lite.models import MODELS, checkpoint
 from ptae_lite.robot import recorder
@@ -80,7 +81,7 @@ def small_training(monkeypatch, small_configs):
             samples, training.Recipe(epochs=1, batch=8), model=model, config=config, **options
         )
 
-    monkeypatch.setattr(training, "train", train)
+    monkeypatch.setattr(experiment, "train", train)
     return asked
 
 
@@ -179,8 +180,30 @@ def test_weights_have_a_place_where_none_is_named(
 ):
     monkeypatch.chdir(tmp_path)
     made = result("train", "pgae", "--seed", 0)
-    assert made["weights"] == "build/weights/pgae.safetensors"
+    assert made["weights"] == "build/weights/pgae_seed0.safetensors"
     assert checkpoint.load(made["weights"]).about["kind"] == "pgae"
+
+
+def test_a_study_takes_what_the_command_trained_and_nothing_else(
+    result, few_stored, small_experiments, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    result("train", "ptae", "--epochs", 1, "--seed", 2)
+    (trained,) = small_experiments
+
+    def asked(samples, seed):
+        return experiment.experiment(samples, "ptae", {}, {"epochs": 1}, seed, name="PTAE")
+
+    def score(trained, samples, seed):
+        return pd.DataFrame([{"seed": seed, "steps": trained.about["steps"]}])
+
+    study = runner.Study("rows.csv", ["seed"], asked, score)
+    table = runner.run(study, few_stored, [(2,)], tmp_path, "build/weights")
+    assert table["steps"].tolist() == [3] and small_experiments == [trained]
+    for option in (["--set", "dropout=0.3"], ["--labelled", 50]):
+        result("train", "ptae", "--epochs", 1, "--seed", 2, *option)
+        with pytest.raises(ArtefactError, match="holds another training than the one asked for"):
+            runner.run(study, few_stored, [(2,)], tmp_path / "new", "build/weights")
 
 
 @pytest.mark.parametrize("name", ["encoders", "encoders-in-use", "closed-loop"])

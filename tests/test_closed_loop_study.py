@@ -115,7 +115,7 @@ def test_a_name_that_does_not_exist_is_refused_with_those_that_do(recorded, tmp_
 
 
 def test_what_a_model_saw_of_its_own_acts_is_a_film_of_99_frames(simulator, quick, recorded):
-    trained = runner.fit(study.experiment_of(recorded, "watching_policy", 0), recorded)
+    trained = study.experiment_of(recorded, "watching_policy", 0).fit(recorded)
     own = recorded.split("train")[:2]
     seen = videos.seen_in_own_episodes(trained, recorded, own)
     assert list(seen) == own.tolist()
@@ -254,9 +254,8 @@ def test_corrections_come_from_scenes_of_the_training_samples(monkeypatch, recor
         return base
 
     monkeypatch.setattr(videos, "seen_in_own_episodes", act)
-    monkeypatch.setattr(runner, "train", train)
-    monkeypatch.setattr(runner, "obtain", lambda *_: base)
-    runner.fit(study.experiment_of(recorded, "dagger", 1), recorded)
+    monkeypatch.setattr(experiment, "train", train)
+    study.experiment_of(recorded, "dagger", 1).fit(recorded, base)
     own = recorded.split("train").tolist()
     assert asked == own[1::2] and set(given) == set(asked)
     assert not set(asked) & set(recorded.split("test").tolist())

@@ -9,6 +9,7 @@ import sys
 from itertools import product
 from pathlib import Path
 
+import jaxtyping
 import nbformat
 import numpy as np
 import pandas as pd
@@ -33,8 +34,14 @@ NAMES = [sheet.name for sheet in SHEETS]
 CODE = [(s.name, one.number) for s in SHEETS for one in s.exercises if one.kind == "Write code"]
 PANELS = [(s.name, one.number) for s in SHEETS for one in s.exercises if one.kind == "Move a panel"]
 SEEDS = (0, 7)
-# As readers run the exercises: in a notebook, annotations are not checked.
-pytestmark = pytest.mark.usefixtures("unchecked")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def unchecked():
+    """As readers run the exercises: in a notebook, annotations are not checked."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 def run(source, names, label="cell"):
@@ -81,19 +88,33 @@ class Played:
             run(check.source, names)
         except exercise_check.NotYet as error:
             return str(error)
+        finally:
+            names.clear()  # its functions refer to it
         return "Right."
 
 
 @pytest.fixture(scope="module")
-def played():
-    made = {}
+def play(request):
+    """A sheet, played with a seed. It is 20 to 80 MB, so that only one is kept at a time."""
+    made = Played(*request.param)
+    yield made
+    made.names.clear()  # its functions refer to it
+    made.before.clear()
 
-    def play(name, seed):
-        if (name, seed) not in made:
-            made[name, seed] = Played(name, seed)
-        return made[name, seed]
 
-    return play
+def sheet(name, seed=0):
+    """For a test of one sheet; those that ask for the same one run one after the other."""
+    return pytest.mark.parametrize("play", [(name, seed)], ids=[f"{name}-{seed}"], indirect=True)
+
+
+def each(numbers, seeds=SEEDS):
+    """For a test of several exercises."""
+    cases = [
+        pytest.param((name, seed), number, id=f"{name}-{number}-{seed}")
+        for seed in seeds
+        for name, number in numbers
+    ]
+    return pytest.mark.parametrize(("play", "number"), cases, indirect=["play"], scope="module")
 
 
 # ---------------------------------------------------------------- every exercise
@@ -107,19 +128,16 @@ def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
     assert {one.kind for sheet in SHEETS for one in sheet.exercises} == set(course.KINDS)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize(("name", "number"), CODE)
-def test_the_stub_fails_and_the_answer_passes(name, number, seed, played):
-    play = played(name, seed)
+@each(CODE)
+def test_the_stub_fails_and_the_answer_passes(play, number):
     (answer,) = play.exercises[number].tagged("answer")
     assert play.says(number, course.stub(answer)) == exercise_check.UNWRITTEN
     assert play.says(number, answer.source) == "Right."
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize(("name", "number"), CODE)
-def test_each_likely_mistake_gets_its_own_hint(name, number, seed, played):
-    play, sentences = played(name, seed), []
+@each(CODE)
+def test_each_likely_mistake_gets_its_own_hint(play, number):
+    sentences = []
     for mistake in play.exercises[number].tagged("mistake"):
         said = play.says(number, mistake.source)
         assert mistake.metadata["hint"] in said
@@ -132,9 +150,8 @@ SENTENCE = re.compile(r"[A-Z`][^\n]*\.")
 
 
 @pytest.mark.filterwarnings("ignore")  # as in a notebook, where a warning stops nothing
-@pytest.mark.parametrize(("name", "number"), CODE)
-def test_no_check_lets_a_wrong_answer_pass(name, number, played):
-    play = played(name, 0)
+@each(CODE, [0])
+def test_no_check_lets_a_wrong_answer_pass(play, number):
     (answer,) = play.exercises[number].tagged("answer")
     assert len(WRONG[number]) == 15
     for wrong in WRONG[number]:
@@ -145,10 +162,9 @@ def test_no_check_lets_a_wrong_answer_pass(name, number, played):
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize(("name", "number"), CODE)
-def test_whatever_is_handed_in_gets_a_sentence(name, number, played, monkeypatch):
+@each(CODE, [0])
+def test_whatever_is_handed_in_gets_a_sentence(play, number, monkeypatch):
     monkeypatch.setattr(exercise_check, "LIMIT_S", 0.1)
-    play = played(name, 0)
     (answer,) = play.exercises[number].tagged("answer")
     answer = re.search(r"def (\w+)", answer.source)[1]
     for odd in ODD:
@@ -156,12 +172,16 @@ def test_whatever_is_handed_in_gets_a_sentence(name, number, played, monkeypatch
         assert said != "Right." and SENTENCE.fullmatch(said), (said, odd)
 
 
-@pytest.mark.parametrize(("name", "number"), PANELS)
-def test_a_panel_works_at_every_position(name, number, played):
-    panel = played(name, 0).panels[number]
+@each(PANELS, [0])
+def test_a_panel_works_at_every_position(play, number):
+    panel = play.panels[number]
     for values in product(*panel.values.values()):
         assert panel.frame(**dict(zip(panel.values, values, strict=True)))
-    played(name, 7)  # another seed draws its start
+
+
+@each(PANELS, [7])
+def test_another_seed_draws_a_panel_at_its_start(play, number):
+    assert number in play.panels
 
 
 @pytest.mark.parametrize("student", [True, False])
@@ -188,15 +208,21 @@ def test_the_notebooks_pass_the_linter(tmp_path):
 # ---------------------------------------------------------------- what the answers state
 
 
-def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
-    """Where an answer in words names a number, here it is computed."""
-    first = played("01_simulation", 0).names
+# Where an answer in words names a number, here it is computed.
+
+
+@sheet("01_simulation")
+def test_the_cubes_top_is_missed_by_so_many_millimetres(play):
+    first = play.names
     cube, edge = first["cubes"][0, :3], first["scene"].CUBE_EDGE_M
     top = cube + [0, 0, edge / 2]
     miss = first["on_plane"](*first["pixel"](top), first["scene"].TABLE_TOP_M) - top
     assert round(1000 * np.hypot(*miss[:2])) == 67 and np.hypot(*miss[:2]) > edge
 
-    encoder = played("02_vision", 0).names
+
+@sheet("02_vision")
+def test_the_numbers_of_the_encoders_answers_are_those_of_the_features(play):
+    encoder = play.names
     data = encoder["samples"]
     error = encoder["joint_errors"](
         data.features.astype(float), data.joints.astype(float), data.frames,
@@ -208,12 +234,18 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
         right = encoder["probes"].percent_right(data, rest, encoder["probes"].colours(data)["left"])
         assert round(100 * variance, 1 if left < 1 else None) == left and round(right) == read
 
-    panel = played("03_crossmodal_transformer", 0).panels["3.3"]
+
+@sheet("03_crossmodal_transformer")
+def test_the_panel_says_the_words_of_the_transformers_answers(play):
+    panel = play.panels["3.3"]
     words = {n: panel.frame(zeros=n).axes[0].get_title().split()[-1] for n in (0, 1, 50)}
     assert words[0] in ("slowly", "unhurriedly")
     assert {words[1], words[50]} <= {"fast", "quickly"}
 
-    few = played("04_limited_supervision", 0).names
+
+@sheet("04_limited_supervision")
+def test_the_numbers_of_the_answers_on_few_labels_are_those_of_the_table(play):
+    few = play.names
     assert few["coverage"](5).axes[0].get_title() == "5 % labelled: 33 samples"
     for share, samples, all_six in ((1, 7, 4), (4, 26, 93), (100 * 28 / 648, 28, 95)):
         axes = few["coverage"](share).axes[0]
@@ -231,7 +263,10 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
     often = [v["supervised_samples_seen"].mean() for v in (paper, balanced)]
     assert round(often[1] / often[0]) == 25
 
-    names = played("05_incongruence", 0).names
+
+@sheet("05_incongruence")
+def test_the_numbers_of_the_answers_on_conflicts_are_those_of_the_model(play):
+    names = play.names
     colour = [names["language"].parse(text).colour for text in names["said"]]
     wrong = sum(
         a != names["language"].parse(b).colour for a, b in zip(colour, names["shown"], strict=True)
@@ -259,8 +294,8 @@ def test_the_numbers_of_the_answers_are_those_of_the_exercises(played):
         assert sum(a == b for a, b in zip(said, shown, strict=True)) == same
 
 
-def test_the_numbers_of_the_loops_answers_are_those_of_its_table(played):
-    play = played("06_closed_loop", 0)
+@sheet("06_closed_loop")
+def test_the_numbers_of_the_loops_answers_are_those_of_its_table(play):
     loop = play.names
     counts = loop["counts"].groupby(loop["own"]["model"]).sum()
     assert (counts["all three"] == loop["own"].groupby("model")["success"].sum()).all()
@@ -297,9 +332,10 @@ def test_the_numbers_of_the_loops_answers_are_those_of_its_table(played):
     assert failed.value_counts().tolist() == [31, 7]
 
 
-def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(played):
+@sheet("07_report_card")
+def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(play):
     """They are of tables without few labels: rows are still added to those with."""
-    names = played("07_report_card", 0).names
+    names = play.names
     rules, card = names["rules"], names["card"]
     by_rule = rules.drop(columns=["paper", "ours"])
     assert rules.shape == (10, 7) and by_rule["the best run"].equals(by_rule["the rule"])
@@ -343,9 +379,10 @@ def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(played)
 
 
 @pytest.mark.slow
-def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(played, simulator):
+@sheet("06_closed_loop")
+def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(play, simulator):
     """Exercise 6.3: joints of ten frames ago, by the error and in the simulator."""
-    judge = played("06_closed_loop", 0).names["closed_loop"]
+    judge = play.names["closed_loop"]
     samples = load_samples("recording")
     test, scaling = samples.split("test"), fit_scaling(samples, samples.split("train"))
     ago = np.maximum(np.arange(1, 100) - 10, 0)

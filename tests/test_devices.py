@@ -1,6 +1,8 @@
 """Where arithmetic is done: refusals anywhere; on a GPU, that it gives what the CPU gives."""
 
 import copy
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ import torch
 from ptae_lite import devices, training, vision
 from ptae_lite.data.signals import build
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import encoders
+from ptae_lite.experiments.encoder_training import LongTraining
 from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
@@ -97,14 +99,15 @@ def test_a_gpu_trains_the_same_eye(images, kind):
 
 @gpu
 def test_on_a_gpu_too_a_branch_leaves_the_long_training_as_it_was(images, tmp_path):
-    long = vision.AutoencoderTrainer(vision.make_autoencoder("plain"), SMALL, "cuda")
-    long.go(images, 32)
+    how = replace(SMALL, steps=32)
+    asked = LongTraining("plain", {"code": 10}, how, "", name="plain 10", device="cuda")
+    trained = asked.fit(SimpleNamespace(images=images))
+    long = trained.training
     before = copy.deepcopy(long.encoder.state_dict())
     branch = copy.deepcopy(long)
     branch.go(images, 40, 40)
-    encoders.keep(long, tmp_path / "trunk.safetensors", 1.0)
-    again = vision.AutoencoderTrainer(vision.make_autoencoder("plain"), SMALL, "cuda")
-    encoders.restore(again, tmp_path / "trunk.safetensors")
+    asked.save(tmp_path / "long.safetensors", trained)
+    again = asked.load(tmp_path / "long.safetensors").training
     again.go(images, 40, 40)
     alone = vision.make_autoencoder("plain")
     vision.train_autoencoder(alone, images, SMALL, device="cuda")

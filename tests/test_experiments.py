@@ -98,7 +98,7 @@ def test_a_file_of_that_name_with_another_hash_is_refused(few, small_experiments
 
 def test_an_experiment_of_other_samples_is_refused(few, small_experiments):
     with pytest.raises(ConfigError, match="the experiment is of recording .*, not of authors "):
-        runner.fit(experiment(few), replace(few, encoder="authors"))
+        experiment(few).fit(replace(few, encoder="authors"))
 
 
 def test_what_several_jobs_need_is_trained_once_and_first_what_others_build_on(
@@ -106,7 +106,7 @@ def test_what_several_jobs_need_is_trained_once_and_first_what_others_build_on(
 ):
     from ptae_lite.experiments import videos
 
-    monkeypatch.setattr(videos, "make", lambda asked, samples, base: None)
+    monkeypatch.setattr(videos, "make", lambda *_: None)
 
     def experiment_of(samples, name, row):
         base = experiment(samples, name="base")

@@ -8,13 +8,16 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from numpy.lib.stride_tricks import as_strided
 
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, vision
 from ptae_lite.data import frames
 from ptae_lite.data.samples import with_features, write_features
-from ptae_lite.errors import ConfigError, RecordingError
+from ptae_lite.errors import ArtefactError, RecordingError
 from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use, runner
+from ptae_lite.experiments.encoder_training import folder_of
+from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.language import COLOURS, pattern
 from ptae_lite.robot import recorder
 from ptae_lite.vision import probes
@@ -33,9 +36,9 @@ def seen(samples):
 
 @pytest.fixture
 def pictures(seen):
-    """(864, 4) images that say all: places, joints, colours and acts as grey levels of squares."""
+    """(864, 4) images that say all: places, joints, colours and acts as grey levels of stripes."""
     at = encoder_scores.moments(seen)
-    made = np.zeros((864, 4, 120, 160, 3), np.uint8)
+    made = np.zeros((864, 4, 120, 1, 3), np.uint8)
     made[..., 110:, :, 0] = 255  # something coloured, too
     rows = np.arange(864)[:, None]
     told = np.concatenate(
@@ -52,12 +55,13 @@ def pictures(seen):
         flags[i, :, 12 + number % 6] = 200
     told = np.concatenate([told, flags], axis=2).round().astype(np.uint8)
     for k in range(told.shape[2]):
-        made[:, :, 4 * k : 4 * k + 4, :4] = told[:, :, k, None, None, None]
-    return made
+        made[:, :, 4 * k : 4 * k + 4] = told[:, :, k, None, None, None]
+    # All columns of an image are one in memory: 1 MB for 200.
+    return as_strided(made, (864, 4, 120, 160, 3), (*made.strides[:3], 0, 1))
 
 
 class Reads(torch.nn.Module):
-    """An eye for those pictures: the squares are its features, and it draws black."""
+    """An eye for those pictures: the stripes are its features, and it draws black."""
 
     def __init__(self, keep=27):
         super().__init__()
@@ -165,21 +169,20 @@ def test_checkpoints_at_equal_compute_cost_the_same():
 @pytest.fixture
 def study(seen, monkeypatch, tmp_path):
     """A function that runs the study with few, small images; and how often steps were taken."""
-    images = np.random.default_rng(0).integers(0, 256, (400, 120, 160, 3), np.uint8)
+    images = np.random.default_rng(0).integers(0, 256, (100, 120, 160, 3), np.uint8)
     few = replace(seen, pattern=seen.pattern[::3], variation=seen.variation[::3],
                   frames=seen.frames[::3], joints=seen.joints[::3], cubes=seen.cubes[::3],
                   features=seen.features[::3])  # fmt: skip
-    looks = np.random.default_rng(1).integers(0, 256, (288, 4, 120, 160, 3), np.uint8)
     monkeypatch.setattr(vision, "AutoencoderRecipe", vision.AutoencoderRecipe)
     monkeypatch.setattr(
         vision.AutoencoderRecipe, "__init__", _two_a_step(vision.AutoencoderRecipe.__init__)
     )
     monkeypatch.setattr(frames, "training_images", lambda folder: images)
-    monkeypatch.setattr(encoder_scores, "look", lambda folder, samples: looks)
+    monkeypatch.setattr(encoder_scores, "look", lambda folder, samples: None)
     monkeypatch.setattr(encoders, "PCAS", {"PCA 10": ("pca", 10)})
     monkeypatch.setattr(encoders, "IN_USE", {"equal": {"separated 3x10": 10, "plain 10": 10}})
     monkeypatch.setattr(recorder, "samples_in_order", lambda: [(0, 0), (1, 0)])
-    clip = type("Clip", (), {"images": np.resize(images, (100, 120, 160, 3))})
+    clip = type("Clip", (), {"images": images})
     monkeypatch.setattr(recorder, "load_sequence", lambda folder, *sample: clip)
     both = encoder_scores.PROBES
     monkeypatch.setattr(
@@ -191,7 +194,7 @@ def study(seen, monkeypatch, tmp_path):
     def run(seeds=(0,), checkpoints=STEPS, work="work", **more):
         return encoders.study(few, "none", tmp_path, tmp_path / work, seeds, checkpoints, **more)
 
-    run.folder = tmp_path
+    run.folder, run.samples = tmp_path, few
     return run
 
 
@@ -221,7 +224,7 @@ def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
     assert long["sum"].nunique() == 6
     assert (long["gflop"] == (long["samples_seen"] * 0.245878272).round(1)).all()
     for name, seed, last in (("separated 3x10", 1, 20), ("plain 10", 0, 10)):
-        folder = study.folder / "work" / encoders.folder_of(name, seed)
+        folder = study.folder / "work" / folder_of(name, seed)
         about = artefacts.load_weights(folder / f"encoder_{last}.safetensors")[1]
         assert about["recipe"] == vars(vision.AutoencoderRecipe(steps=last // 2, seed=seed))
         assert [path.name for path in folder.glob("features*")] == ["features_10.npz"]
@@ -275,11 +278,11 @@ def test_a_long_study_goes_further_and_draws_the_same(study, monkeypatch):
         "separated 3x10": [40, 40, 60, 60],
         "plain 10": [20, 20, 30, 30],
     }  # two splits of each
-    folder = study.folder / "work" / encoders.folder_of("separated 3x10", 0)
+    folder = study.folder / "work" / folder_of("separated 3x10", 0)
     assert {path.name for path in folder.glob("features*")} == {
         "features_10.npz", "features_40.npz"
     }  # fmt: skip
-    shorter = study.folder / "work" / encoders.folder_of("plain 10", 0)
+    shorter = study.folder / "work" / folder_of("plain 10", 0)
     assert [path.name for path in shorter.glob("features*")] == ["features_10.npz"]
     assert encoders.features_are_of(folder / "features_40.npz", folder / "encoder_40.safetensors")
 
@@ -301,22 +304,54 @@ def test_encoders_that_are_stored_are_not_made_again(seen, monkeypatch, tmp_path
     there = {name: set(own["samples_seen"]) for name, own in stored.groupby("encoder")}
     lengths = {name: there[name] & {*own} for name, own in encoders.CHECKPOINTS.items()}
     assert min(map(len, lengths.values())) >= 3
-    before, made = (tmp_path / "encoders.csv").read_bytes(), []
-    monkeypatch.setattr(frames, "training_images", lambda folder: None)
+    before = (tmp_path / "encoders.csv").read_bytes()
+    images = np.zeros((8 * there["PCA 10"].pop(), 1), np.uint8)
+    monkeypatch.setattr(frames, "training_images", lambda folder: images)
     monkeypatch.setattr(encoder_scores, "look", lambda folder, samples: None)
-    monkeypatch.setattr(vision.AutoencoderTrainer, "go", lambda *asked, **_: made.append(asked))
-    monkeypatch.setattr(encoders, "run_pca", lambda *asked: made.append(asked))
+    monkeypatch.setattr(runner, "obtain", lambda *_: pytest.fail("it was trained"))
     # What is made of the weights, which are not stored.
-    monkeypatch.setattr(encoders.Bench, "write_features", lambda *_: None)
+    monkeypatch.setattr(encoders, "write_features", lambda *_: None)
     monkeypatch.setattr(encoders, "write_reconstructions", lambda *_: None)
     encoders.study(seen, "none", tmp_path, tmp_path / "work", checkpoints=lengths)
-    assert not made and (tmp_path / "encoders.csv").read_bytes() == before
+    assert (tmp_path / "encoders.csv").read_bytes() == before
 
 
-def test_a_checkpoint_that_has_been_passed_is_refused(study):
-    study()
-    with pytest.raises(ConfigError, match="trained past 12 presentations; delete .*trunk"):
-        study((0,), {"separated 3x10": (0, 12)})
+def test_a_checkpoint_between_two_that_are_there_is_what_a_training_of_its_length_gives(study):
+    study((0,), {"plain 10": (0, 10)})
+    table = study((0,), {"plain 10": (0, 6, 10)}).set_index(encoders.KEY)["sum"]
+    encoder, images = vision.make_autoencoder("plain"), frames.training_images("none")
+    vision.train_autoencoder(encoder, images, vision.AutoencoderRecipe(steps=3))
+    assert table["plain 10", 0, 6, "test", "cpu"] == sum_of(encoder)
+
+
+def test_files_say_which_training_they_are_of_and_another_is_refused(study):
+    study((0,), {"plain 10": (10,)})
+    work = study.folder / "work"
+    made = {path.name: artefacts.load_weights(path)[1] for path in work.glob("*/*.safetensors")}
+    assert list(map(len, (about["experiment"] for about in made.values()))) == [64] * 3
+    assert sorted(made) == [
+        "encoder_10.safetensors", "encoder_13.safetensors", "training_8.safetensors"
+    ]  # fmt: skip
+    folder = work / folder_of("plain 10", 0)
+    other = vision.make_autoencoder("plain")
+    vision.save_autoencoder(folder / "encoder_10.safetensors", other)
+    (study.folder / "encoders.csv").unlink()
+    with pytest.raises(ArtefactError, match="encoder_10.*another training .*does not say of which"):
+        study((0,), {"plain 10": (10,)})
+
+
+def test_a_training_that_was_stored_goes_on_to_the_same_bits(study, tmp_path):
+    lengths, images = {"plain 10": (40, 80)}, frames.training_images("none")
+    bench = encoders.Bench(study.samples, images, None, lengths, "cpu")
+    asked = encoders.experiment_of(bench, "plain 10", 0, 80)
+    whole = asked.base.fit(bench)
+    stopped = runner.obtain(asked.base, bench, tmp_path)
+    assert len(list(tmp_path.glob("*/training_*"))) == 2
+    again = asked.base.load(tmp_path / asked.base.file)
+    assert again.training.step == stopped.training.step == whole.training.step == 32
+    for one in (stopped, again):
+        pairs = zip(one.encoder.parameters(), whole.encoder.parameters(), strict=True)
+        assert all(torch.equal(a, b) for a, b in pairs)
 
 
 LENGTHS = (("plain 10", 0, 40), ("plain 10", 1, 40), ("plain 10", 1, 160), ("PCA 30", 0, 8))
@@ -326,7 +361,7 @@ LENGTHS = (("plain 10", 0, 40), ("plain 10", 1, 40), ("plain 10", 1, 160), ("PCA
 def work(seen, tmp_path):
     """Features of two eyes, one without chance, and one seed of the other longer trained."""
     for name, seed, length in LENGTHS:
-        folder = tmp_path / "encoders" / encoders.folder_of(name, seed)
+        folder = tmp_path / "encoders" / folder_of(name, seed)
         folder.mkdir(parents=True, exist_ok=True)
         weights = folder / f"encoder_{length}.safetensors"
         vision.save_autoencoder(weights, vision.make_autoencoder("plain", 2), device="cuda")
@@ -373,7 +408,7 @@ def asked(monkeypatch, trained):
     def evaluate(trained, samples):
         return {"describe_accuracy": 50.12345, "width": samples.features.shape[2]}
 
-    monkeypatch.setattr(runner, "fit", fit)
+    monkeypatch.setattr(Experiment, "fit", fit)
     monkeypatch.setattr(encoders_in_use, "evaluate", evaluate)
     return kept
 

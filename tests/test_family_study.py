@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from test_recording import end_workers
 
 import ptae_lite.__main__ as cli
 from ptae_lite import artefacts
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import family, runner, tables
+from ptae_lite.experiments import family, tables
+from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
@@ -57,7 +59,7 @@ def test_the_long_trainings_are_made_only_when_they_are_named(few, trained, tmp_
     def made(_, samples, data, variant, seed):
         return pd.DataFrame([{"data": data, "variant": variant, "seed": seed}])
 
-    monkeypatch.setattr(runner, "fit", lambda *_: trained)
+    monkeypatch.setattr(Experiment, "fit", lambda *_: trained)
     monkeypatch.setattr(family, "STUDY", replace(family.STUDY, score=made))
     regular = set(family.study(few, tmp_path, seeds=(0,))["variant"])
     long = ("PTAE, long", "PGAE, long")
@@ -107,6 +109,7 @@ def test_workers_give_the_rows_that_one_process_gives(tmp_path):
     tables.run(divmod, [(7, 2), (9, 4)], kept.append, 1, lambda results, total: results)
     side_by_side = []
     tables.run(divmod, [(7, 2), (9, 4)], side_by_side.append, 2, lambda results, total: results)
+    end_workers()
     assert kept == [(3, 1), (2, 1)] and sorted(side_by_side) == sorted(kept)
 
 
@@ -114,6 +117,7 @@ def test_two_processes_that_add_to_one_table_lose_no_row(tmp_path):
     path = tmp_path / "rows.csv"
     todo = [(path, pd.DataFrame({"n": [number]}), ["n"]) for number in range(40)]
     tables.run(tables.add, todo, lambda _: None, workers=2)
+    end_workers()
     assert pd.read_csv(path)["n"].tolist() == list(range(40))
 
 

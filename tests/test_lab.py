@@ -16,7 +16,7 @@ import urllib.request
 import pytest
 from pages import ROOT, SHOTS, chromium, until
 
-from ptae_lite.book.chapters import chapter_files
+from ptae_lite.book.chapters import notebook_files
 
 pytestmark = pytest.mark.browser
 TOKEN = "reader"
@@ -26,7 +26,8 @@ RUN_S = 480  # for a chapter
 
 def pytest_generate_tests(metafunc):
     if "chapter" in metafunc.fixturenames:
-        names = [md.stem for md in chapter_files(ROOT / "book")]
+        book = ROOT / "book"
+        names = [md.relative_to(book).with_suffix("").as_posix() for md in notebook_files(book)]
         if metafunc.config.getoption("--lab") != "all":
             names = [name for name in names if name[:2] in ("01", "05")]
         metafunc.parametrize("chapter", names)
@@ -155,7 +156,7 @@ PLACES = """([kind, mark]) => {
   return places;
 }"""
 PANELS = ["application/vnd.jupyter.widget-view+json", "model_id"]
-SCENES = ["text/html", "data-ptae-embed"]
+SCENES = ["text/html", "<iframe"]
 SCROLL_TO = """async i => {
   const notebook = window.jupyterapp.shell.currentWidget.content;
   await notebook.scrollToItem(i, 'start');
@@ -242,7 +243,7 @@ def test_a_chapter_is_run_moved_edited_and_saved(notebook, lab, chapter):
             page.evaluate(SCROLL_TO, place)
             use(page, page.locator(f'.jp-Cell[data-windowed-list-index="{place}"]'))
             SHOTS.mkdir(parents=True, exist_ok=True)
-            page.screenshot(path=SHOTS / f"lab-{chapter}-{place}.png")
+            page.screenshot(path=SHOTS / f"lab-{chapter.replace('/', '-')}-{place}.png")
     source = home / "book" / f"{chapter}.md"
     twin, before = source.with_suffix(".ipynb"), source.read_bytes()
     written = twin.stat().st_mtime_ns

@@ -16,11 +16,11 @@ from nbconvert.exporters import ScriptExporter
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
 
 from ptae_lite.book import chapters, notebooks
-from ptae_lite.book.chapters import chapter_files
+from ptae_lite.book.chapters import notebook_files
 from ptae_lite.errors import ArtefactError
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
-CHAPTERS = chapter_files(BOOK)
+CHAPTERS = notebook_files(BOOK)  # and pages in depth
 PAIRS = [md for md in CHAPTERS if md.with_suffix(".ipynb").exists()]  # the rest fails once, below
 MAX_LINES = 25
 MACHINE_PATH = re.compile(
@@ -100,15 +100,15 @@ RULES = [
 ]
 
 
-def shuffle_scenes(book):
-    """The chapters of which one half is missing."""
-    return [name for name in chapters.chapter_names(book)
+def half_pairs(book):
+    """The chapters and pages in depth of which one half is missing."""
+    return [name for name in (*chapters.chapter_names(book), *chapters.in_depth_names(book))
             if not all((book / f"{name}.{end}").exists() for end in ("md", "ipynb"))]  # fmt: skip
 
 
 def too_large(book):
     return [
-        path.name for path in book.glob("*.ipynb") if path.stat().st_size > notebooks.LIMIT_BYTES
+        path.name for path in book.rglob("*.ipynb") if path.stat().st_size > notebooks.LIMIT_BYTES
     ]
 
 
@@ -116,7 +116,7 @@ def too_large(book):
 
 
 def test_every_chapter_is_a_pair():
-    assert shuffle_scenes(BOOK) == []
+    assert half_pairs(BOOK) == []
 
 
 def test_no_notebook_is_too_large():
@@ -220,7 +220,7 @@ def test_a_missing_half_and_a_large_file_are_found(tmp_path):
     (tmp_path / "02_two.ipynb").write_bytes(b" " * (notebooks.LIMIT_BYTES + 1))
     named = "```{toctree}\n:caption: Chapters\n\n01_one\n02_two\n```\n"
     (tmp_path / "index.md").write_text(named, encoding="utf-8")
-    assert shuffle_scenes(tmp_path) == ["01_one", "02_two"]
+    assert half_pairs(tmp_path) == ["01_one", "02_two"]
     assert too_large(tmp_path) == ["02_two.ipynb"]
 
 
@@ -314,7 +314,7 @@ def test_a_failing_chapter_leaves_its_twin_alone(pair, monkeypatch, capsys):
     md, ipynb = pair
     before = ipynb.read_bytes()
     md.write_text(CHAPTER.replace('print("end")', "1 / 0"), encoding="utf-8")
-    monkeypatch.setattr(notebooks, "chapter_files", lambda book, names: [md])
+    monkeypatch.setattr(notebooks, "notebook_files", lambda book, names: [md])
     assert notebooks.main([]) == 1
     assert "ZeroDivisionError" in capsys.readouterr().err
     assert ipynb.read_bytes() == before
@@ -372,7 +372,7 @@ def edit(ipynb, old, new):
 @pytest.fixture
 def command(pair, monkeypatch):
     """`run.py notebooks` on the small chapter, whose cells are not run."""
-    monkeypatch.setattr(notebooks, "chapter_files", lambda book, names: [pair[0]])
+    monkeypatch.setattr(notebooks, "notebook_files", lambda book, names: [pair[0]])
     monkeypatch.setattr(notebooks, "execute", lambda notebook, folder: None)
     return notebooks.main
 

@@ -12,7 +12,7 @@ from ptae_lite import artefacts
 from ptae_lite.data import batches
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, runner, supervision
-from ptae_lite.experiments.experiment import Labels
+from ptae_lite.experiments.experiment import Experiment, Labels
 from ptae_lite.models import MODELS
 
 
@@ -29,7 +29,7 @@ def asked(monkeypatch, trained):
         row = {"data": data, "choice": choice, "seed": seed, "describe_accuracy": 50.0 + len(kept)}
         return pd.DataFrame([row])
 
-    monkeypatch.setattr(runner, "fit", fit)
+    monkeypatch.setattr(Experiment, "fit", fit)
     monkeypatch.setattr(recipes, "STUDY", replace(recipes.STUDY, score=score))
     return kept
 

@@ -8,6 +8,7 @@ from hashlib import sha256
 
 import numpy as np
 import pytest
+from joblib.externals.loky import get_reusable_executor
 
 from ptae_lite.errors import LanguageError, RecordingError
 from ptae_lite.language import pattern
@@ -56,11 +57,18 @@ def sequence(simulator):
     return recorder.record_sequence(pattern(FAST), 0)
 
 
+def end_workers():
+    """End joblib's processes, which would wait five minutes for more work, with 200 MB each."""
+    get_reusable_executor(reuse=True).shutdown()
+
+
 @pytest.fixture(scope="module")
 def recording(simulator, tmp_path_factory):
     """The six samples of one pattern, recorded by two processes."""
     folder = tmp_path_factory.mktemp("recording") / "new"
-    return recorder.record(folder, only=[FAST], workers=2)
+    recorder.record(folder, only=[FAST], workers=2)
+    end_workers()
+    return folder
 
 
 def test_a_sequence_has_images_joints_cubes_and_contacts_of_the_same_instants(sequence):

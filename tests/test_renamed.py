@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from ptae_lite import artefacts, renamed
-from ptae_lite.__main__ import configured, main
+from ptae_lite.__main__ import main, settings
 from ptae_lite.errors import ArtefactError, PTAEError
 from ptae_lite.experiments import tables
 from ptae_lite.models import checkpoint
@@ -31,7 +31,7 @@ def test_an_old_word_of_the_command_line_names_the_new_one(words, new, capsys):
 @pytest.mark.parametrize(("old", "new"), renamed.SETTINGS.items())
 def test_an_old_setting_names_the_new_one(old, new):
     with pytest.raises(PTAEError, match=f"no setting '{old}'; '{old}' is now called '{new}'"):
-        configured("ptae", 30, [f"{old}=1"])
+        settings("ptae", [f"{old}=1"])
 
 
 @pytest.mark.parametrize(("old", "new"), renamed.COLUMNS.items())

@@ -10,15 +10,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, progress
+from ptae_lite.cli import bar
 from ptae_lite.errors import PTAEError
 from ptae_lite.experiments import tables
 from ptae_lite.files import file_lock
+from ptae_lite.progress import share_in
 from ptae_lite.reproduce import checks, pipeline, report, rerun, run_parallel
 from ptae_lite.reproduce.checks import arrays, judge, near, pictures, table
 from ptae_lite.reproduce.rerun import Rerun, Settings
 from ptae_lite.reproduce.stages import STAGES, Stage
-from ptae_lite.reproduce.view import View, duration, share_in
+from ptae_lite.reproduce.view import View, duration
 
 CHECK = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
 NAMES = ("results/one.csv", "results/two.csv")
@@ -109,6 +111,7 @@ def test_one_of_several_that_fails_is_a_failure_and_the_others_are_finished(tmp_
 
 def test_eyes_are_taken_from_where_their_study_leaves_them():
     from ptae_lite.experiments import encoders
+    from ptae_lite.experiments.encoder_training import folder_of
 
     (one,) = (one for one in STAGES if one.name == "encoders")
     for name, path in one.lies.items():
@@ -116,10 +119,7 @@ def test_eyes_are_taken_from_where_their_study_leaves_them():
                         for k in ("kind", "recipe"))  # fmt: skip
         (encoder,) = (e for e, (k, code) in encoders.CAES.items() if k == kind and code == 10)
         length = recipe["steps"] * recipe["batch"]
-        assert (
-            path == f"encoders/{encoders.folder_of(encoder, recipe['seed'])}/"
-            f"encoder_{length}.safetensors"
-        )
+        assert path == f"encoders/{folder_of(encoder, recipe['seed'])}/encoder_{length}.safetensors"
         assert length in encoders.CHECKPOINTS[encoder]
     features = next(one for one in STAGES if one.name == "features").command
     assert features.endswith("--encoder {out}/" + one.lies["weights/cae.safetensors"])
@@ -498,10 +498,36 @@ def test_an_eye_that_draws_worse_is_found(tmp_path):
 # ---------------------------------------------------------------- the view
 
 
-def test_the_share_is_the_last_that_a_bar_said():
-    assert share_in(b"a:  5%|x | 1/20\ra:  45%|xxxx  | 9/20 ") == 0.45
-    assert share_in(b"reading sources... [ 40%] 02_vision") == 0.4
-    assert share_in(b"nothing of the kind: 5 %") is None
+def test_a_bar_tells_its_share(tmp_path, monkeypatch):
+    assert share_in(tmp_path) is None
+    monkeypatch.setenv(progress.FILE, str(tmp_path / "share"))
+    seen = [share_in(tmp_path) for _ in bar(range(4), mininterval=0, miniters=1)]
+    assert seen == [0, 0.25, 0.5, 0.75] and share_in(tmp_path) == 1
+    monkeypatch.setenv(progress.FILE, str(tmp_path / "gone" / "share"))
+    assert list(bar(range(4), mininterval=0)) == [0, 1, 2, 3]
+
+
+def test_a_share_is_that_of_the_slowest_command_also_before_it_has_begun(tmp_path, monkeypatch):
+    monkeypatch.setenv(progress.FILE, str(tmp_path / "share"))
+    first, second = progress.environments(2)
+    Path(first[progress.FILE]).write_text("0.9")
+    assert share_in(tmp_path) == 0
+    Path(second[progress.FILE]).write_text("0.45")
+    (tmp_path / "other").write_text("")  # it is being written
+    assert share_in(tmp_path) == 0.45
+
+
+@pytest.mark.slow
+def test_the_progress_of_commands_side_by_side_is_that_of_the_slower(tiny, settings, monkeypatch):
+    shares = []
+    monkeypatch.setattr(View, "tick", lambda view, share: shares.append(share))
+    files = ("results/one.csv", "results/slow.csv")
+    both = " + ".join(f"tiny counted {{out}}/{name}" for name in files)
+    command = "ptae_lite.reproduce.run_parallel " + both
+    one = Stage("both", command, {files[0]: CHECK}, 0.1)
+    assert Rerun(settings, (one,)).go(io.StringIO()) is None
+    told = [share for share in shares if share is not None]
+    assert told == sorted(told) and told[-1] == 1 and {0.25, 0.5, 0.75} <= set(told)
 
 
 def test_durations():

@@ -76,9 +76,9 @@ def test_two_builds_are_the_same_bytes():
 
 
 def test_building_takes_less_than_a_second():
-    start_s = time.perf_counter()
+    start_s = time.process_time()
     make(eye=film(), ghost_joints_rad=sequence()[0])._repr_html_()
-    assert time.perf_counter() - start_s < 1
+    assert time.process_time() - start_s < 1
 
 
 @pytest.mark.parametrize("frame", [0, FRAMES // 2, FRAMES - 1])

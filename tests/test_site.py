@@ -14,7 +14,7 @@ import pytest
 from pages import ROOT, SITE, page_names, stale
 
 from ptae_lite.book import contents
-from ptae_lite.book.chapters import chapter_files
+from ptae_lite.book.chapters import chapter_files, notebook_files
 from ptae_lite.errors import PTAEError
 
 PAGES = page_names()
@@ -122,11 +122,12 @@ def test_the_site_is_small():
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("md", chapter_files(BOOK), ids=lambda md: md.stem)
+@pytest.mark.parametrize("md", notebook_files(BOOK), ids=lambda md: md.stem)
 def test_a_chapter_can_be_downloaded_as_a_notebook(md):
-    twin = SITE / "_sources" / f"{md.stem}.ipynb"
+    name = md.relative_to(BOOK).with_suffix("").as_posix()
+    twin = SITE / "_sources" / f"{name}.ipynb"
     assert twin.read_bytes() == md.with_suffix(".ipynb").read_bytes()
-    assert any(link.endswith(f"_sources/{md.stem}.ipynb") for link in page(f"{md.stem}.html").links)
+    assert any(link.endswith(f"_sources/{name}.ipynb") for link in page(f"{name}.html").links)
 
 
 @pytest.mark.browser
@@ -211,10 +212,12 @@ def test_every_name_in_the_glossary_stands_in_the_source():
 
 
 def test_every_reference_of_a_page_is_in_the_bibliography():
-    known = set(re.findall(r"^\((\w+)\)=$", (BOOK / "bibliography.md").read_text("utf-8"), re.M))
+    known = set()
+    for name in ("bibliography.md", "primer.md"):
+        known |= set(re.findall(r"^\(([\w-]+)\)=$", (BOOK / name).read_text("utf-8"), re.M))
     assert {"ptae", "pgae", "pvae"} <= known
     for path in BOOK.glob("*.md"):
-        for label in re.findall(r"\{ref\}`[^`]*<(\w+)>`", path.read_text("utf-8")):
+        for label in re.findall(r"\{ref\}`[^`]*<([\w-]+)>`", path.read_text("utf-8")):
             assert label in known, (path.name, label)
 
 

@@ -17,7 +17,7 @@ from ptae_lite.data import batches
 from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate
-from ptae_lite.experiments import labels, runner, supervision, tables
+from ptae_lite.experiments import labels, supervision, tables
 from ptae_lite.experiments.supervision import Job
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import MODELS, PVAE
@@ -81,7 +81,7 @@ def trainings(monkeypatch, small):
 def made(samples, job, recipe=None, split="train"):
     """The rows and the sentences of a job."""
     asked = supervision.experiment_of(samples, job, recipe, split)
-    trained = None if asked is None else runner.fit(asked, samples)
+    trained = None if asked is None else asked.fit(samples)
     found = supervision.score(trained, samples, job, split)
     return found[supervision.FILE], found.get(supervision.SENTENCES, pd.DataFrame())
 

@@ -1,10 +1,10 @@
 """PTAE-lite: bidirectional action-language translation, rebuilt on a laptop.
 
-Data flows one way, and so do the imports: `language`, `robot`, `data`, `vision`, `models`,
-`training`, `evaluation`, `experiments`; then `paper`, `plots`, `widgets`, `reproduce` and the book,
-which nothing before them imports.
+Data flow one way through the parts of the library, and so do the imports: `language`, `robot`,
+`data`, `vision`, `models`, `training`, `evaluation`, `experiments`. After these come `paper`,
+`plots`, `widgets`, `reproduce` and `book`; no earlier part imports them.
 
-One alphabet of shapes everywhere: `B` batch, `T` frames, `N` tokens, `J` joints (5),
+All shapes use one alphabet: `B` batch, `S` samples (864), `T` frames, `N` tokens, `J` joints (5),
 `F` visual features (30), `H` hidden (256), `V` words (23).
 """
 
@@ -15,9 +15,9 @@ __version__ = "0.1.0"
 
 
 def _belongs_here(package: Path, folder: Path) -> None:
-    """Raise `ImportError` where `folder` lies in a project that has a library of its own.
+    """Raise `ImportError` if `folder` lies in a project that has its own copy of this library.
 
-    A project that was copied, or cloned twice, would else run the code and the data of the other.
+    Otherwise a copied project, or a second clone, would run the code and the data of the first.
     """
     for project in (folder, *folder.parents):
         own = project / "src" / "ptae_lite"

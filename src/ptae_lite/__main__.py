@@ -1,6 +1,7 @@
-"""The command line: `python -m ptae_lite COMMAND`; the table `COMMANDS` holds the commands.
+"""The command line: `python -m ptae_lite COMMAND`. The table `COMMANDS` lists the commands.
 
-Every command shows its progress on the error stream, and with `--json` prints one line of results.
+Every command shows its progress on the error stream. With `--json` it prints its results as one
+line.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ import argparse
 import json
 import sys
 import time
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -31,10 +31,12 @@ from ptae_lite.files import check_writable, file_lock
 from ptae_lite.models import MODELS
 from ptae_lite.pipes import piped
 
-TRAINED = (*MODELS, "cae", "plain-cae")
+CAES = {"cae": "separated", "plain-cae": "plain"}  # the kind of each
+TRAINED = (*MODELS, *CAES)
 
 
 def do_record(options) -> dict:
+    """Run `record`; returns what it prints."""
     from ptae_lite.data import frames
     from ptae_lite.robot import recorder
 
@@ -53,6 +55,7 @@ def do_record(options) -> dict:
 
 
 def do_features(options) -> dict:
+    """Run `features`; returns what it prints."""
     from ptae_lite import artefacts, vision
     from ptae_lite.data.samples import write_features
     from ptae_lite.robot.recorder import check_ours
@@ -72,57 +75,64 @@ def do_features(options) -> dict:
 
 
 def do_train(options) -> dict:
+    """Run `train`; returns what it prints."""
     torch.set_num_threads(options.threads)
     if options.out is None:
-        options.out = f"build/weights/{options.model.replace('-', '_')}.safetensors"
+        seed = "" if options.model in CAES else f"_seed{options.seed}"  # as `Experiment.file`
+        options.out = f"build/weights/{options.model.replace('-', '_')}{seed}.safetensors"
     refuse_data(options.out, "build/weights")
-    check_writable(options.out)  # now, and not after the training
-    if options.model in ("cae", "plain-cae"):
+    check_writable(options.out)  # before the training, not after it
+    if options.model in CAES:
         return _train_autoencoder(options)
-    from ptae_lite import training
     from ptae_lite.data.samples import load_samples
     from ptae_lite.evaluation import evaluate
-    from ptae_lite.models import checkpoint
+    from ptae_lite.experiments.experiment import experiment
+    from ptae_lite.experiments.labels import Labels
 
     samples = load_samples(options.data, options.holdout)
-    recipe = replace(MODELS[options.model].recipe, seed=options.seed)
-    if options.epochs is not None:
-        recipe = replace(recipe, epochs=options.epochs)
-    split = "fit" if options.held_out else "train"
-    labelled = None
-    if options.labelled is not None:
-        labelled = training.label(samples.split(split), options.labelled, options.seed)
-    config = configured(options.model, samples.features.shape[2], options.set or ())
-    trained = training.train(
-        samples, recipe, model=options.model, config=config, split=split, labelled=labelled,
-        device=options.device,
+    asked = experiment(
+        samples, options.model, settings(options.model, options.set or ()),
+        {} if options.epochs is None else {"epochs": options.epochs}, options.seed,
+        split="fit" if options.held_out else "train",
+        labels=Labels() if options.labelled is None else Labels("random", options.labelled),
+    )  # fmt: skip
+    state = Path(f"{options.out}.unfinished")  # a training that was stopped goes on from it
+    trained = asked.fit(
+        samples, unfinished=state, device=options.device,
         progress=lambda epochs: bar(epochs, desc=options.model.upper(), unit=" epochs"),
     )  # fmt: skip
-    checkpoint.save(options.out, trained)
+    asked.save(options.out, trained)
+    state.unlink(missing_ok=True)
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
     made = {"weights": str(options.out), "steps": trained.about["steps"]}
     return made | _rounded(scores) | caution(samples)
 
 
-def configured(model: str, features: int, settings):
-    """The model's configuration with `settings`, each NAME=VALUE, put into it."""
-    config = MODELS[model].config(features=features)
-    for setting in settings:
+def settings(model: str, given) -> dict:
+    """What `given`, each NAME=VALUE, changes in the model's configuration.
+
+    Raises:
+        PTAEError: a name or a value that the configuration does not have.
+    """
+    config, found = vars(MODELS[model].config()), {}
+    for setting in given:
         name, _, text = setting.partition("=")
-        if name not in vars(config):
-            there = renamed.said_of([name], renamed.SETTINGS) or f"it has {', '.join(vars(config))}"
+        if name not in config:
+            there = renamed.said_of([name], renamed.SETTINGS) or f"it has {', '.join(config)}"
             raise PTAEError(f"{model} has no setting {name!r}; {there}")
-        kind = type(getattr(config, name))
+        kind = type(config[name])
         try:
-            value = {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
+            found[name] = (
+                {"true": True, "false": False}[text.lower()] if kind is bool else kind(text)
+            )
         except (KeyError, ValueError):
             wanted = {bool: "true or false", int: "a whole number", float: "a number"}[kind]
             raise PTAEError(f"{name} is {wanted}, not {text!r}") from None
-        config = replace(config, **{name: value})
-    return config
+    return found
 
 
 def do_evaluate(options) -> dict:
+    """Run `evaluate`; returns the scores in percent."""
     from ptae_lite.data.samples import load_samples
     from ptae_lite.evaluation import evaluate
     from ptae_lite.models import checkpoint
@@ -146,9 +156,7 @@ def _train_autoencoder(options) -> dict:
         raise PTAEError("a CAE is trained by --steps, not by --epochs")
     if options.steps is not None:
         recipe = vision.AutoencoderRecipe(seed=options.seed, steps=options.steps)
-    encoder = vision.make_autoencoder(
-        "separated" if options.model == "cae" else "plain", options.code
-    )
+    encoder = vision.make_autoencoder(CAES[options.model], options.code)
     images = frames.training_images(options.data)
     losses = vision.train_autoencoder(
         encoder, images, recipe, device=options.device,
@@ -159,24 +167,28 @@ def _train_autoencoder(options) -> dict:
 
 
 def do_study(options) -> dict:
+    """Run a study; returns what it prints."""
     torch.set_num_threads(options.threads)
     refuse_data(options.out, "build/results")
-    with file_lock(Path(options.out) / options.name):  # two would lose each other's rows
+    with file_lock(Path(options.out) / options.name):  # two would lose rows
         return STUDIES[options.name].command(options)
 
 
 def record_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `record`."""
     made.add_argument("--out", default=RECORDING, help="folder to record into, or to go on with")
     made.add_argument("--workers", type=whole_number(1), default=2, help="processes side by side")
 
 
 def features_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `features`."""
     made.add_argument("--data", default=RECORDING, help="a recording's folder")
     made.add_argument("--encoder", help="weights of a CAE (default: the stored one)")
     made.add_argument("--threads", type=whole_number(1), default=2, help="threads for the CAE")
 
 
 def train_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `train`."""
     made.add_argument("model", choices=TRAINED, help="what to train")
     data_options(made)
     made.add_argument("--seed", type=whole_number(0), default=0, help="seed of weights and batches")
@@ -195,10 +207,11 @@ def train_options(made: argparse.ArgumentParser) -> None:
         "--threads", type=whole_number(1), default=1, help="threads inside one training"
     )
     made.add_argument("--device", default="cpu", help="cpu, or a GPU such as cuda")
-    made.add_argument("--out", help="safetensors file to write (default: build/weights/MODEL)")
+    made.add_argument("--out", help="safetensors file to write (default: in build/weights)")
 
 
 def evaluate_options(made: argparse.ArgumentParser) -> None:
+    """Add the options of `evaluate`."""
     made.add_argument("weights", help="safetensors file that `train` wrote")
     data_options(made)
     made.add_argument("--split", default="test", choices=("test", "train", "held_out", "fit"))
@@ -206,7 +219,7 @@ def evaluate_options(made: argparse.ArgumentParser) -> None:
 
 
 def study_options(made: argparse.ArgumentParser) -> None:
-    """A parser for each of `STUDIES`, with the options that it understands."""
+    """Add a parser for each of `STUDIES`, with the options that it understands."""
     studies = made.add_subparsers(dest="name", required=True, metavar="NAME")
     for name, study in STUDIES.items():
         one = subparser(studies, name, study.__doc__.strip().splitlines()[0])
@@ -228,11 +241,13 @@ COMMANDS = {  # the name of each, what does it, what declares its options, and i
 
 
 def subparser(parsers, name: str, text: str) -> argparse.ArgumentParser:
+    """Add the parser of a command with one line of help."""
     shown = argparse.ArgumentDefaultsHelpFormatter
     return parsers.add_parser(name, help=text, description=text, formatter_class=shown)
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of all commands."""
     known = argparse.ArgumentParser(
         prog="python -m ptae_lite", description="Record, train and evaluate PTAE-lite's models."
     )
@@ -240,13 +255,14 @@ def parser() -> argparse.ArgumentParser:
     for name, (run, add_options, text) in COMMANDS.items():
         made = subparser(commands, name, text)
         made.set_defaults(run=run)
-        if name != "study":  # whose own commands have it
+        if name != "study":  # its own commands have this option
             made.add_argument("--json", action="store_true", help="print one line of JSON")
         add_options(made)
     return known
 
 
 def main(arguments=None) -> int:
+    """Run a command; returns its exit code."""
     known, arguments = parser(), sys.argv[1:] if arguments is None else list(arguments)
     old = renamed.said_of(
         (word.split("=")[0] for word in arguments), renamed.OPTIONS | renamed.VALUES
@@ -264,7 +280,7 @@ def main(arguments=None) -> int:
 
 
 def show(options) -> None:
-    """Run a command and print what it found."""
+    """Run a command and print its results."""
     begun = time.perf_counter()
     result = options.run(options)
     result["seconds"] = round(time.perf_counter() - begun, 1)

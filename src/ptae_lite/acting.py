@@ -1,4 +1,4 @@
-"""A model in the closed loop: a sentence in, and images of what its own acts bring about."""
+"""A PTAE that acts in the closed loop: it gets a sentence, and images of what its actions did."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from ptae_lite.vision import encode_images
 
 
 class Actor:
-    """A PTAE that executes a sentence; one for each episode.
+    """A policy that executes a sentence with a PTAE. Use a new one for each episode.
 
-    Call it with the camera and the measured joints (radians): it answers the joints to go to. Its
-    first look at the scene, together with the sentence, makes the code. The clip's length is not
-    known to it: the still first frame has all 100 places.
+    Call it with the camera and the measured joints (5,) in radians; it returns the next target of
+    the joints. The code is made once, from the sentence and the first image. The actor does not
+    know the clip's length, so the first frame fills all 100 places of the keys.
 
     Args:
-        sentence: a whole sentence, or None: the words are blanked.
-        watch: look at every frame, also where the model takes only the first.
+        encoder: the image encoder that the model was trained with.
+        sentence: a whole sentence; None for EOS in all places.
+        watch: encode every image, also if the model uses only the first.
 
     Raises:
-        ConfigError: the model is no PTAE, or takes other features than this encoder makes.
-        LanguageError: no sentence of this language.
+        ConfigError: the model is not a PTAE, or takes other features than this encoder makes.
+        LanguageError: the sentence is wrong.
     """
 
     def __init__(self, trained: Trained, encoder: nn.Module, sentence: str | None, watch=False):
@@ -41,7 +42,7 @@ class Actor:
         tokens = [signal_index("execute"), *(encode(sentence) if sentence else [EOS] * 5)]
         self.tokens = torch.tensor([tokens])
         self.states: list | None = None
-        self.looks: list[np.ndarray] = []  # features of the images looked at so far, unscaled
+        self.looks: list[np.ndarray] = []  # raw features of the images seen so far
 
     @torch.no_grad()
     def __call__(self, look, joints_rad) -> np.ndarray:

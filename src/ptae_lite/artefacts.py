@@ -1,9 +1,9 @@
-"""The stored files in `data/`: found, checked against the manifest, read and written.
+"""The stored files in `data/`: find them, check them against the manifest, read and write them.
 
-`data/MANIFEST.json` says of each file its hash, its size and where it came from. Nothing that is
-loaded here can run code: weights are safetensors, arrays are npz without pickled objects.
+`data/MANIFEST.json` has the hash, the size and the origin of each file. Nothing that is loaded here
+can run code: weights are safetensors, and arrays are npz without pickled objects.
 
-A full re-run has a data folder of its own: where `PTAE_DATA` names one, that is read instead.
+A full re-run has its own data folder. If `PTAE_DATA` names one, it is used instead.
 """
 
 from __future__ import annotations
@@ -28,17 +28,21 @@ from ptae_lite.files import atomic_write, cannot_write
 
 ROOT = Path(__file__).resolve().parents[2]
 MANIFEST = "MANIFEST.json"
-EARLIER = "an earlier recipe"  # what weights are of that do not say of which experiment
+EARLIER = "an earlier recipe"  # the origin of weights that do not name their experiment
 RECORDED_WITH = ("torch", "numpy", "pybullet", "pybullet-arm64")
 
 
 def data_folder() -> Path:
-    """The folder of the stored files: `data/`, or the one that `PTAE_DATA` names."""
+    """The folder of the stored files: `data/`, or the one in the variable `PTAE_DATA`."""
     return Path(os.environ.get("PTAE_DATA") or ROOT / "data").absolute()
 
 
 def manifest(data: Path | None = None) -> dict:
-    """The manifest's entries by file name."""
+    """The entries of the manifest, by file name.
+
+    Raises:
+        ArtefactError: the manifest is missing or damaged.
+    """
     path = (data or data_folder()) / MANIFEST
     if not path.is_file():
         raise ArtefactError(
@@ -58,7 +62,11 @@ def manifest(data: Path | None = None) -> dict:
 
 
 def entry_of(name: str, data: Path | None = None) -> dict:
-    """The manifest's entry of one file. Raises `ArtefactError` naming the files there are."""
+    """The manifest's entry of one file.
+
+    Raises:
+        ArtefactError: there is no such file. The message lists the files.
+    """
     entries = manifest(data)
     if name not in entries:
         raise ArtefactError(f"no stored file {name!r}; there are {', '.join(sorted(entries))}")
@@ -66,10 +74,11 @@ def entry_of(name: str, data: Path | None = None) -> dict:
 
 
 def stored(name: str, data: Path | None = None) -> Path:
-    """Path of a stored file, once it is known to be whole.
+    """Path of a stored file, after a check of its hash.
 
     Raises:
-        ArtefactError: with the name, the expected hash and the command that makes the file again.
+        ArtefactError: the file is missing or damaged. The message has the expected hash and the
+            command that makes the file again.
     """
     data = data or data_folder()
     entry, path = entry_of(name, data), inside(name, data)
@@ -91,7 +100,11 @@ def stored(name: str, data: Path | None = None) -> Path:
 
 
 def inside(name: str, data: Path) -> Path:
-    """The path of a name in `data`. Raises `ArtefactError` where the name leads out of it."""
+    """The path of the file `name` in `data`.
+
+    Raises:
+        ArtefactError: the name leads out of the folder.
+    """
     path = data / name
     if not path.resolve().is_relative_to(data.resolve()):
         raise ArtefactError(f"{name!r} leads out of {data}; a stored file lies inside it")
@@ -106,13 +119,23 @@ def has_windows_lines(path: Path, digest: str) -> bool:
 
 @lru_cache(maxsize=64)
 def sha256(path: Path, *_stamp) -> str:
-    """Hash of a file. Pass its time and size as well where it is asked for more than once."""
+    """SHA-256 of a file.
+
+    The result is cached. Pass the file's time and size, too, so that a changed file is hashed
+    again.
+    """
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def register(name: str, *, command: str, seed: int | None, minutes: float, data=None) -> dict:
-    """Write or renew the manifest's entry of a file that has just been put into `data/`."""
+    """Write the manifest's entry of a file that has just been put into `data/`, and return it.
+
+    Args:
+        command: the command that made the file.
+        seed: its seed, if there is one.
+        minutes: how long the command took.
+    """
     data = data or data_folder()
     path = inside(name, data)
     entries = manifest(data) if (data / MANIFEST).exists() else {}
@@ -126,15 +149,20 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "minutes": round(minutes, 1),
         "versions": {"python": platform.python_version()} | _versions(),
     }
-    if path.suffix == ".safetensors":  # of which experiment; those of before it had a hash say so
-        with suppress(ArtefactError):  # whoever loads the file is told what is wrong with it
+    if path.suffix == ".safetensors":  # weights without an experiment are of an earlier recipe
+        with suppress(ArtefactError):  # a damaged file is reported when it is loaded
             entries[name]["experiment"] = load_weights(path)[1].get("experiment", EARLIER)
     _write_manifest(entries, data)
     return entries[name]
 
 
 def adopt(name: str, source: Path, data: Path) -> None:
-    """Copy a stored file with its entry from one data folder into another."""
+    """Copy a stored file and its entry from one data folder to another.
+
+    Raises:
+        ArtefactError: the file is missing or damaged.
+        FileError: it cannot be written.
+    """
     path, entries = stored(name, source), manifest(data) if (data / MANIFEST).exists() else {}
     with atomic_write(inside(name, data)) as temporary:
         shutil.copyfile(path, temporary)
@@ -165,20 +193,25 @@ def _commit() -> str:
 
 
 def save_weights(path, tensors: dict, about: dict) -> None:
-    """Write weights with what they are (`about`, as JSON) into one safetensors file.
+    """Write weights and `about` (as JSON) into one safetensors file, whole or not at all.
 
-    The file appears whole or not at all.
+    Raises:
+        FileError: the file cannot be written.
     """
     tensors = {name: tensor.contiguous() for name, tensor in tensors.items()}
     with atomic_write(path) as temporary:
         try:
             save_file(tensors, temporary, metadata={"about": json.dumps(about, sort_keys=True)})
-        except SafetensorError as error:  # how this library reports what the system refused
+        except SafetensorError as error:  # safetensors reports a full disk in this way
             raise FileError(cannot_write(path, OSError(str(error)))) from None
 
 
 def load_weights(path) -> tuple[dict, dict]:
-    """Read what `save_weights` wrote: tensors by name, and `about`."""
+    """Read what `save_weights` wrote: tensors by name, and `about`.
+
+    Raises:
+        ArtefactError: the file is missing, is damaged, or has numbers that are not finite.
+    """
     path = Path(path)
     if not path.is_file():
         raise ArtefactError(
@@ -200,7 +233,7 @@ def load_weights(path) -> tuple[dict, dict]:
 
 @contextmanager
 def fits_itself(path):
-    """While a model is made of a file: an `ArtefactError` where its weights are not its sizes."""
+    """Inside: weights of a file that do not fit its sizes become an `ArtefactError`."""
     try:
         yield
     except (KeyError, TypeError, RuntimeError) as error:

@@ -1,7 +1,7 @@
-"""Baselines: what somebody reaches who knows little, or who only adds up.
+"""Baselines to compare the models with.
 
-`references` are trajectories without any learning: the scale to read a joint error by.
-`linear_describe` is a linear baseline for sentences.
+`references` are trajectories without learning. They show what an NRMSE means. `linear_describe` is
+a linear baseline for sentences.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ BASELINE_PENALTY = 0.3  # of its ridge regressions, a sample; chosen on held-out
 
 
 def references(samples: Samples, scaling: Scaling, split: str = "test") -> dict[str, tuple]:
-    """What NRMSE (paper's, valid) someone gets who knows little: the scale to read ours by.
+    """NRMSE (paper's, valid) of predictions that use little knowledge. Ours.
 
-    The means are of the training clips that agree in what is known, or, where there is none, in as
-    much of it, from its first word on, as any do. The last one knows all that
-    can be known before the motion begins: the true places of the cubes and the sentence. It makes
-    the motion planner's plan without its chances (our recording alone; no places in the authors').
+    Each mean trajectory is the mean of the training clips that agree with the sample in the named
+    words. If there is none, the last word is left out, and so on. The last reference, only in our
+    recording, knows all that can be known before the motion begins: the places of the cubes and the
+    sentence. It is the motion planner's plan without random variation.
     """
     indices, known = samples.split(split), samples.split("train")
     groups = {
@@ -50,7 +50,7 @@ def references(samples: Samples, scaling: Scaling, split: str = "test") -> dict[
 
 
 def _planned(samples: Samples, indices):
-    """The plan of each sample for cubes where they lie, and the middle of everything else."""
+    """The plan of each sample for the true places of its cubes, with no random variation."""
     paths = [
         motions.fingertip_path(patterns()[samples.pattern[i]], motions.middle(places))
         for i, places in zip(indices, samples.cubes[indices, 0, :, :2], strict=True)
@@ -62,7 +62,7 @@ def _planned(samples: Samples, indices):
 
 
 def _group_means(samples, indices, known, aspects):
-    """Means of the training clips that agree in all aspects, or in as many first ones as any do."""
+    """Means of the training clips that agree in all aspects, or in as many as possible."""
 
     def keys(i):
         shown = patterns()[samples.pattern[i]]
@@ -78,11 +78,11 @@ def _group_means(samples, indices, known, aspects):
 
 
 def linear_describe(samples: Samples, labelled, indices) -> list[Meaning]:
-    """What the linear baseline says of each clip, taught by the `labelled` samples alone.
+    """What the linear baseline says of each clip, fitted on the `labelled` samples only.
 
-    It sees the clip's length, the features of the first and the last frame, and the joints at five
-    moments; nothing else is given. It reads action, speed and side each by ridge regression, and
-    the colour by a regression made of the labelled clips of the side that it has read.
+    Its inputs are the clip's length, the features of the first and the last frame, and the joints
+    at five moments. Ridge regressions find action, speed and side. The colour comes from a
+    regression on the labelled clips of the side that was found.
     """
     seen, shown = _summary(samples), [patterns()[i] for i in samples.pattern]
     classes = {name: words_of(name)[: len(words_of(name)) // 2] for name in Meaning._fields}
@@ -109,7 +109,7 @@ def linear_describe(samples: Samples, labelled, indices) -> list[Meaning]:
 
 
 def linear_describe_accuracy(samples: Samples, labelled, split: str = "test") -> float:
-    """Percent of a split that `linear_describe` says right."""
+    """Percentage of a split for which `linear_describe` is right."""
     indices = samples.split(split)
     true = [patterns()[i].meaning for i in samples.pattern[indices]]
     said = linear_describe(samples, labelled, indices)

@@ -1,4 +1,4 @@
-"""What the command lines share: one sentence for what went wrong, and refusals before the work."""
+"""What the commands share: options, error messages, and checks before the work."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, progress
 from ptae_lite.errors import PTAEError
 from ptae_lite.files import cannot_write
 
@@ -18,13 +18,23 @@ INTERRUPTED = 130  # exit code of a command that Ctrl-C ended
 RECORDING = "build/recording"
 
 
+class Bar(tqdm):
+    """A progress bar. It also tells a full re-run how far it is."""
+
+    def display(self, *args, **options):
+        """Show it."""
+        if self.total:
+            progress.tell(self.n / self.total)
+        return super().display(*args, **options)
+
+
 def bar(items, **options):
     """A progress bar on the error stream."""
-    return tqdm(items, file=sys.stderr, dynamic_ncols=True, **options)
+    return Bar(items, file=sys.stderr, dynamic_ncols=True, **options)
 
 
 def data_options(parser: argparse.ArgumentParser) -> None:
-    """Which samples a command works on."""
+    """Add the options that choose the samples a command works on."""
     parser.add_argument(
         "--data", default="recording",
         help="'recording' for the stored features, a recording's folder, or the authors' data "
@@ -37,24 +47,24 @@ def data_options(parser: argparse.ArgumentParser) -> None:
 
 
 def caution(samples) -> dict:
-    """What must stand beside scores on patterns that only stand in for the test set."""
+    """What to print beside scores on patterns that only replace the test set."""
     if samples.holdout is None:
         return {}
     return {"test_part": f"{samples.holdout} held-out training patterns, not the paper's test set"}
 
 
 def guarded(name: str, work: Callable[[], int | None]) -> int:
-    """Run a command; its exit code. What ends it is one sentence on the error stream."""
+    """Run a command and return its exit code. An error becomes one sentence on the error stream."""
     for stream in (sys.stdout, sys.stderr):
-        if hasattr(stream, "reconfigure"):  # a letter that a locale lacks must not end a command
+        if hasattr(stream, "reconfigure"):  # a character unknown to the locale must not end it
             stream.reconfigure(errors="backslashreplace")
     try:
         return work() or 0
     except PTAEError as error:
         sentence = str(error)
-    except BrokenPipeError:  # nobody reads on: see `piped`
+    except BrokenPipeError:  # the output is closed: see `piped`
         raise
-    except OSError as error:  # where the system says no: a full disk in the middle of a table
+    except OSError as error:  # such as a full disk in the middle of a table
         sentence = cannot_write(error.filename or "a file", error)
     except BrokenExecutor:
         sentence = (
@@ -69,13 +79,17 @@ def guarded(name: str, work: Callable[[], int | None]) -> int:
 
 
 def refuse_data(path, instead: str) -> None:
-    """No command writes into the data that the book is built on."""
+    """Refuse to write into the data that the book is built on.
+
+    Raises:
+        PTAEError: `path` is inside `data/`.
+    """
     if Path(path).resolve().is_relative_to(artefacts.data_folder().resolve()):
         raise PTAEError(f"{path}: data/ holds what the book is built on; write into {instead}/")
 
 
 def whole_number(least: int):
-    """What `argparse` takes for a whole number that is not below `least`."""
+    """An `argparse` type: a whole number that is at least `least`."""
 
     def number(text: str) -> int:
         if not text.strip().lstrip("+-").isdigit() or int(text) < least:

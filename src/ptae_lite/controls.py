@@ -1,4 +1,4 @@
-"""Controls: which of its inputs does a model use? One is taken away or replaced by a false one."""
+"""Controls: which inputs does a model use? Each removes an input or replaces it by a false one."""
 
 from __future__ import annotations
 
@@ -14,12 +14,15 @@ from ptae_lite.models.checkpoint import Trained
 
 
 def blank_sentence(batch: Batch) -> Batch:
-    """Control: the signal is left of the query, each word after it is EOS."""
+    """Control: every token after the signal is EOS."""
     return replace(batch, tokens=torch.where(torch.arange(TOKENS_IN) == 0, batch.tokens, EOS))
 
 
 def shuffled_sentences(batch: Batch) -> Batch:
-    """Control: each sample gets the sentence of the next one that is as long."""
+    """Control: each sample gets the sentence of the next sample with the same clip length.
+
+    So the speed word stays true.
+    """
     tokens = batch.tokens.clone()
     for frames in batch.frames.unique():
         same = (batch.frames == frames).nonzero()[:, 0]
@@ -28,7 +31,7 @@ def shuffled_sentences(batch: Batch) -> Batch:
 
 
 def swapped_speed(batch: Batch) -> Batch:
-    """Control: *fast* for *slowly* and the reverse, in the same register; the clip stays."""
+    """Control: the speed word is replaced by the other one (first word or synonym as before)."""
     swap = torch.arange(len(TOKENS))
     for one, other in zip(words_of("speed")[::2], words_of("speed")[1::2], strict=True):
         swap[WORD_INDEX[one]], swap[WORD_INDEX[other]] = WORD_INDEX[other], WORD_INDEX[one]
@@ -50,10 +53,10 @@ CONTROLS = {
 
 
 def execute_errors(trained: Trained, samples: Samples, split: str = "test") -> dict[str, tuple]:
-    """NRMSE (paper's, valid) of execute when one of its inputs is taken away or made false.
+    """NRMSE (paper's, valid) of *execute* under each control.
 
-    A blank sentence and a frozen video are new to a model, so a part of the damage may come from
-    that; shuffled sentences and swapped words are ordinary sentences.
+    A model never met a blank sentence or a frozen video in training, so this alone may cause a part
+    of the error. Shuffled sentences and swapped words are ordinary sentences.
     """
     source, indices = Source(trained.dataset(samples)), samples.split(split)
     results = {}

@@ -1,6 +1,6 @@
-"""Where arithmetic is done: the CPU, or a GPU if there is one and it is asked for.
+"""Where the computing is done: on the CPU, or on a GPU if one is asked for.
 
-Scores may differ in their last digits, no more.
+Scores on two devices may differ in their last digits.
 """
 
 from __future__ import annotations
@@ -17,7 +17,11 @@ from ptae_lite.errors import ConfigError
 
 
 def check(device: str) -> None:
-    """Raise `ConfigError` if a device cannot be used here."""
+    """Check that a device can be used.
+
+    Raises:
+        ConfigError: it cannot.
+    """
     try:
         torch.zeros(1, device=device)
     except (RuntimeError, AssertionError, NotImplementedError):
@@ -29,7 +33,7 @@ def check(device: str) -> None:
 
 @contextmanager
 def seeded(seed: int, device: str) -> Iterator[None]:
-    """Inside, PyTorch draws from `seed`; afterwards its generators go on as if nothing had been."""
+    """Inside, PyTorch draws random numbers from `seed`. Afterwards its generators are as before."""
     with torch.random.fork_rng([] if torch.device(device).type == "cpu" else [device]):
         torch.manual_seed(seed)
         yield
@@ -37,7 +41,7 @@ def seeded(seed: int, device: str) -> Iterator[None]:
 
 @contextmanager
 def whole_float32() -> Iterator[None]:
-    """Inside, cuDNN computes with all bits of float32, as the CPU does; by default it does not."""
+    """Inside, cuDNN computes with all bits of float32, like the CPU, and not with TF32."""
     before = torch.backends.cudnn.allow_tf32
     torch.backends.cudnn.allow_tf32 = False
     try:
@@ -47,26 +51,27 @@ def whole_float32() -> Iterator[None]:
 
 
 def choose(wanted: str) -> str:
-    """`auto` is a GPU where there is one."""
+    """The device of a name: `auto` is the GPU if there is one, else the CPU."""
     return ("cuda" if torch.cuda.is_available() else "cpu") if wanted == "auto" else wanted
 
 
 def clock(device: str) -> float:
-    """Seconds of computing up to now: of this process's core, or of the wall where a GPU works."""
+    """Seconds of computing so far: processor time on a CPU, wall time on a GPU."""
     if torch.device(device).type != "cuda":
         return time.process_time()
     torch.cuda.synchronize()
     return time.perf_counter()
 
 
-WARM_UPS = 3  # calls that run as they are, in which libraries choose how they compute
+WARM_UPS = 3  # calls before the recording; libraries choose their algorithms in them
 
 
 class Replayed:
-    """A function of one tensor, of the same shape at each call; on a GPU, recorded and replayed.
+    """A function of one tensor. On a GPU it is recorded once and then replayed (a CUDA graph).
 
-    A small network asks for hundreds of short computations a step, and to launch them one by one
-    takes longer than to do them. What is returned is overwritten by the next call.
+    A step of a small network has hundreds of short computations, and starting them one by one takes
+    longer than computing them. The tensor must have the same shape at each call. The next call
+    overwrites the result.
     """
 
     def __init__(self, function: Callable[[Tensor], Tensor]):
@@ -87,7 +92,7 @@ class Replayed:
         return self.result
 
     def _aside(self, x: Tensor) -> Tensor:
-        """Call it on another stream, as a recording that follows needs it."""
+        """Call it on another stream, as CUDA asks for before a recording."""
         stream, here = torch.cuda.Stream(), torch.cuda.current_stream()
         stream.wait_stream(here)
         with torch.cuda.stream(stream), warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""The library's own errors: what was wrong, what was expected, what to do, in one sentence."""
+"""The library's own errors. A message says what was wrong, what was expected and what to do."""
 
 
 class PTAEError(Exception):
@@ -18,7 +18,7 @@ class RecordingError(PTAEError):
 
 
 class ArtefactError(PTAEError):
-    """A stored file that is missing, damaged, or made from something else than it should be."""
+    """A stored file that is missing, is damaged, or was made from something else than expected."""
 
 
 class ConfigError(PTAEError):
@@ -26,8 +26,8 @@ class ConfigError(PTAEError):
 
 
 class FileError(PTAEError):
-    """A place that cannot be written to, or that another run is at work on."""
+    """A place that cannot be written to, or that another run is using."""
 
 
 class TrainingError(PTAEError):
-    """A training whose numbers ran away."""
+    """A training whose losses are no numbers any more."""

@@ -1,8 +1,8 @@
-"""How good is a model: sentence accuracy and joint error.
+"""How good a model is: sentence accuracy and joint error.
 
-All numbers are percent. A sentence is right if it is any of the eight that say the meaning, so
-guessing is right once in 36 (2.78 %). NRMSE is the root mean square joint error over the range of
-that joint in the training samples.
+All numbers are percent. A sentence is right if it is one of the eight sentences of the meaning, so
+a guess is right once in 36 (2.78 %). NRMSE is the root mean square joint error, divided by the
+range of that joint in the training samples.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CHANCE = 100 / len(MEANINGS)
 
 
 def alternatives_for(count: int, seed: int = 0) -> Int[torch.Tensor, " S"]:
-    """Which of its eight sentences each sample is given in an evaluation; fixed by the seed."""
+    """Which of its eight sentences each sample is given in an evaluation; the seed fixes them."""
     return torch.from_numpy(np.random.default_rng([8, seed]).integers(0, 8, count))
 
 
@@ -41,7 +41,9 @@ def respond(
 ) -> Answer:
     """A model's answers to one signal, for all `samples` in order.
 
-    `change` may alter each batch first: that is how controls and conflicts are put in.
+    Args:
+        change: may change each batch first. Controls and conflicts are put in this way.
+        size: samples a batch.
     """
     samples = torch.as_tensor(np.asarray(samples))
     number, device = signal_number(signal), _device(trained.model)
@@ -61,19 +63,19 @@ def _device(model: torch.nn.Module) -> torch.device:
 
 
 def sentences(answer: Answer) -> list[str]:
-    """The words that a model said."""
+    """The words that a model said, for each sample."""
     return [decode(indices) for indices in answer.words.argmax(2)]
 
 
 def correct(answer: Answer, samples: Samples, indices) -> Bool[np.ndarray, " M"]:
-    """Which answers are one of the eight sentences of their sample's meaning, EOS included."""
+    """Which answers are right: one of the eight sentences of the meaning, then EOS."""
     said = answer.words.argmax(2).numpy()
     meanings = [patterns()[i].meaning for i in samples.pattern[indices]]
     return np.array([says(out, meaning) for out, meaning in zip(said, meanings, strict=True)])
 
 
 def word_accuracy(answer: Answer, samples: Samples, indices) -> dict[str, float]:
-    """Percent of answers whose action, colour or speed word is right (or its synonym)."""
+    """Percentage of answers whose action, colour or speed word, or its synonym, is right."""
     said = answer.words.argmax(2).tolist()
     meanings = [patterns()[i].meaning for i in samples.pattern[indices]]
     results = {}
@@ -87,7 +89,7 @@ def word_accuracy(answer: Answer, samples: Samples, indices) -> dict[str, float]
 
 
 def poses(answer: Answer, scaling: Scaling) -> Float[np.ndarray, "M 99 5"]:
-    """Predicted joints 2 to 100 in the data's own unit (radians in our recording)."""
+    """Predicted joints 2 to 100, in the unit of the data (radians in our recording)."""
     return scaling.joints_back(answer.joints.numpy().astype(float))
 
 
@@ -96,8 +98,13 @@ def nrmse(
 ) -> tuple[float, float]:
     """NRMSE in percent: by the paper's definition, and over valid frames only.
 
-    The paper's divides by all 99 steps, padded ones included, which makes it smaller by the root
-    of the share of valid steps (0.87 on a balanced set).
+    ::
+
+        100 sqrt(sum of ((predicted - true) / range)^2 / (joints x steps))
+
+    The published code counts all 99 steps of each clip, and the error is 0 in padding. Its number
+    is therefore smaller, by the root of the share of valid steps (a factor of 0.87 if half of the
+    clips are fast).
     """
     truth = samples.joints[indices][:, 1:]
     valid = (np.arange(1, MAX_FRAMES) < samples.frames[indices, None])[..., None]
@@ -110,7 +117,12 @@ def nrmse(
 
 
 def evaluate(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:
-    """The numbers of the paper's tables for one split, in percent."""
+    """The scores of the paper for one split, in percent.
+
+    Returns:
+        `describe_accuracy`, `repeat_language_accuracy`, and of `execute` and `repeat_action` the
+        `_nrmse` (paper's definition) and the `_nrmse_valid`.
+    """
     source = Source(trained.dataset(samples))
     indices = samples.split(split)
     results = {}
@@ -127,8 +139,8 @@ def evaluate(trained: Trained, samples: Samples, split: str = "test") -> dict[st
 def new_scenes(samples: Samples, split: str = "test") -> Bool[np.ndarray, " M"]:
     """Which samples of a split show a scene that no training clip shows, slow or fast.
 
-    The authors' fast clips are every second frame of slow ones, so a test pattern whose twin of the
-    other speed is for training is known but for its speed: 24 of the 36.
+    In the authors' data a fast clip is every second frame of a slow one. So training shows all but
+    the speed of a test pattern if it has the same pattern with the other speed: 24 of the 36.
     """
     known = {
         _scene(p)
@@ -139,5 +151,5 @@ def new_scenes(samples: Samples, split: str = "test") -> Bool[np.ndarray, " M"]:
 
 
 def _scene(shown: Pattern) -> tuple:
-    """All of a pattern but its speed."""
+    """A pattern without its speed."""
     return shown.arrangement, shown.side, shown.action

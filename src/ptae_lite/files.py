@@ -1,4 +1,4 @@
-"""Files are written whole or not at all, and one run at a time works in a folder."""
+"""Safe writing: a file is written whole or not at all, and one run at a time works in a folder."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from filelock import FileLock, Timeout
 
 from ptae_lite.errors import FileError
 
-PART = ".part"  # what is being written stands beside its place, in NAME.PROCESS.part
+PART = ".part"  # a file is first written to NAME.PROCESS.part, beside its final place
 
 
 def as_called(path) -> Path:
-    """A path that a reader gave, from the folder in which `run.py` was called, if it was."""
+    """A path that a reader gave, relative to the folder in which `run.py` was called, if it was."""
     return Path(os.environ.get("PTAE_CALLED_FROM", ""), path).absolute()
 
 
 @contextmanager
 def atomic_write(path):
-    """A path to write to, beside `path`, which takes its place when all of it is there.
+    """Yield a temporary path beside `path`, and rename it to `path` at the end.
 
-    Whatever ends the writing early, `path` stays as it was.
+    If writing stops early for any reason, `path` stays as it was.
 
     Raises:
-        FileError: it cannot be written: a full disk, a folder that is read-only.
+        FileError: the file cannot be written, for example on a full disk.
     """
     path = Path(path)
     temporary = _temporary(path)
@@ -42,18 +42,22 @@ def atomic_write(path):
 
 
 def write_arrays(path, **arrays) -> None:
-    """An `.npz` file of arrays, whole or not at all."""
+    """Write arrays into an `.npz` file, whole or not at all.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
     with atomic_write(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
 
 def _temporary(path: Path) -> Path:
-    """Each process has its own, so that two that write one file do not mix their halves."""
+    """The temporary name of a file. It has the process number, so two processes never share one."""
     return path.with_name(f"{path.name}.{os.getpid()}{PART}")
 
 
 def cannot_write(path, error: OSError) -> str:
-    """The sentence for a file that could not be written."""
+    """The message for a file that could not be written."""
     return (
         f"{path} cannot be written ({error.strerror or error}); nothing there was changed; "
         "make room, or name another place, and give the same command again"
@@ -61,7 +65,11 @@ def cannot_write(path, error: OSError) -> str:
 
 
 def check_writable(path) -> None:
-    """Raise `FileError` where a file could not be written: before the work, not after it."""
+    """Check before the work, not after it, that a file can be written.
+
+    Raises:
+        FileError: it cannot.
+    """
     path = Path(path)
     if path.is_dir():
         raise FileError(f"{path} is a folder; name a file in it")
@@ -77,17 +85,23 @@ def check_writable(path) -> None:
     except OSError as error:
         raise FileError(cannot_write(path, error)) from None
     finally:
-        for folder in made:  # a run that is refused later leaves no folders behind
+        for folder in made:  # a run that is refused later must leave no folders
             with suppress(OSError):
                 folder.rmdir()
 
 
 @contextmanager
 def file_lock(path, wait_s: float = 0):
-    """Work on `path` while no other run does; refuse with `FileError` where one goes on longer.
+    """Hold the lock of `path`, so that no other run works on it.
 
-    The lock is the operating system's and lies beside `path`, in `NAME.lock`; it ends with the
-    process that holds it, also with one that is killed.
+    The lock is one of the operating system, on the file `NAME.lock` beside `path`. It ends with the
+    process that holds it, even if that process is killed.
+
+    Args:
+        wait_s: how many seconds to wait for another run.
+
+    Raises:
+        FileError: another run still holds the lock, or the lock cannot be made.
     """
     path = Path(path)
     try:

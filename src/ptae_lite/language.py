@@ -1,10 +1,11 @@
 """Words, sentences, and the 144 patterns of the data set with their split.
 
-A sentence has three words, `action colour speed`; each word has a synonym, so a meaning can be
-said in 2 x 2 x 2 = 8 ways, and 36 meanings make 288 sentences (paper, section 4.1).
-A pattern is a meaning acted out in a scene: one of 12 actions (action word x side x speed) in one
-of 12 arrangements of two cubes, 144 in all. The index of a pattern is the one of the published
-data, so the two data sets can be compared pattern by pattern.
+A sentence has three words, `action colour speed`. Each word has one synonym, so a meaning has
+2 x 2 x 2 = 8 sentences, and the 36 meanings have 288 (paper, section 4.1).
+
+A pattern is an action in an arrangement. There are 12 actions (action word x side x speed) and 12
+arrangements of two cubes, so there are 144 patterns. A pattern has the same index here and in the
+authors' published data, so the two data sets can be compared pattern by pattern.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _CLASSES = {"action": ACTIONS, "colour": COLOURS, "speed": SPEEDS}
 
 
 class Meaning(NamedTuple):
-    """What a sentence says, in the first word of each pair: one of 36."""
+    """What a sentence says: one of 36. Each word is the first of its pair of synonyms."""
 
     action: str
     colour: str
@@ -46,7 +47,14 @@ class Meaning(NamedTuple):
 
 
 def words_of(kind: str) -> tuple[str, ...]:
-    """All words of a class (`action`, `colour` or `speed`), first words before synonyms."""
+    """All words of a class: first words, then their synonyms.
+
+    Args:
+        kind: `action`, `colour` or `speed`.
+
+    Raises:
+        LanguageError: there is no such class.
+    """
     if kind not in _CLASSES:
         raise LanguageError(f"no word class {kind!r}; the classes are {', '.join(_CLASSES)}")
     return _CLASSES[kind] + tuple(SYNONYMS[word] for word in _CLASSES[kind])
@@ -56,10 +64,14 @@ MEANINGS = tuple(Meaning(*words) for words in product(ACTIONS, COLOURS, SPEEDS))
 
 
 def sentence(meaning: Meaning, alternative: int = 0) -> str:
-    """One of the eight ways to say a meaning.
+    """One of the eight sentences of a meaning.
 
-    The bits of `alternative` choose the synonym: 1 for the action, 2 for the colour, 4 for the
-    speed, the order of the published files.
+    Args:
+        alternative: 0 to 7. Its bits choose the synonyms: 1 for the action, 2 for the colour, 4 for
+            the speed. The published files use the same order.
+
+    Raises:
+        LanguageError: `alternative` is not 0 to 7.
     """
     if not 0 <= alternative < 8:
         raise LanguageError(f"alternative {alternative} does not exist; a meaning has 8, 0 to 7")
@@ -69,12 +81,16 @@ def sentence(meaning: Meaning, alternative: int = 0) -> str:
 
 
 def alternatives(meaning: Meaning) -> tuple[str, ...]:
-    """The eight sentences of a meaning."""
+    """The eight sentences of a meaning, in the order of `sentence`."""
     return tuple(sentence(meaning, k) for k in range(8))
 
 
 def parse(text: str) -> Meaning:
-    """The meaning of a sentence. Raises `LanguageError` with the words that are allowed."""
+    """The meaning of a sentence.
+
+    Raises:
+        LanguageError: the text is no sentence. The message lists the allowed words.
+    """
     words = text.split()
     if len(words) != 3:
         raise LanguageError(
@@ -89,13 +105,23 @@ def parse(text: str) -> Meaning:
 
 
 def encode(text: str) -> list[int]:
-    """Token indices of a sentence with its tags: `[BOS, action, colour, speed, EOS]`, N = 5."""
+    """Token indices of a sentence with its tags: `[BOS, action, colour, speed, EOS]`, N = 5.
+
+    Raises:
+        LanguageError: the text is no sentence.
+    """
     parse(text)
     return [EOS, *(WORD_INDEX[word] for word in text.split()), EOS]
 
 
 def decode(indices) -> str:
-    """Words of token indices, up to the first EOS (one at the very start is the BOS)."""
+    """The words of token indices, up to the first EOS.
+
+    BOS and EOS are the same token. An EOS in the first place counts as BOS and is skipped.
+
+    Raises:
+        LanguageError: an index is not 0 to 22.
+    """
     indices = [int(i) for i in indices]
     for i in indices:
         if not 0 <= i < len(VOCABULARY):
@@ -107,7 +133,10 @@ def decode(indices) -> str:
 
 
 def says(indices, meaning: Meaning) -> bool:
-    """Is the output (three words, then EOS) any of the eight sentences of `meaning`?"""
+    """Whether the output (three words, then EOS) is one of the eight sentences of `meaning`.
+
+    This is the published rule for a correct answer.
+    """
     return tuple(int(i) for i in indices) in _outputs(meaning)
 
 
@@ -118,7 +147,14 @@ def _outputs(meaning: Meaning) -> frozenset[tuple[int, ...]]:
 
 @dataclass(frozen=True)
 class Pattern:
-    """One of the 144: an action word on one side of an arrangement, slowly or fast."""
+    """One of the 144 patterns: an action word, on one side of an arrangement, slowly or fast.
+
+    Attributes:
+        index: 0 to 143, as in the published data.
+        left: colour of the left cube.
+        right: colour of the right cube.
+        split: `train` or `test`, the split of the published data.
+    """
 
     index: int
     action: str
@@ -130,26 +166,27 @@ class Pattern:
 
     @property
     def arrangement(self) -> tuple[str, str]:
-        """The colours on the table, left and right."""
+        """The colours of the left and the right cube."""
         return self.left, self.right
 
     @property
     def target_colour(self) -> str:
-        """The colour that the sentence names: that of the cube on the acted side."""
+        """The colour of the cube that the arm moves, which the sentence names."""
         return self.left if self.side == "left" else self.right
 
     @property
     def meaning(self) -> Meaning:
+        """What the sentences of this pattern say."""
         return Meaning(self.action, self.target_colour, self.speed)
 
     @property
     def frames(self) -> int:
-        """Clip length T: 100 frames slowly, 50 fast."""
+        """Clip length T, 100 frames for `slowly` and 50 for `fast`."""
         return 100 if self.speed == "slowly" else 50
 
     @property
     def action_index(self) -> int:
-        """0 to 11: which of the 12 actions (action word, side, speed)."""
+        """Which of the 12 actions (action word, side, speed) this is, 0 to 11."""
         in_speed = SPEEDS.index(self.speed) * len(SIDES) + SIDES.index(self.side)
         return in_speed * len(ACTIONS) + ACTIONS.index(self.action)
 
@@ -161,10 +198,10 @@ ARRANGEMENTS = tuple(tuple(pair.split()) for pair in _PAIRS) + tuple(
     tuple(_SECOND_FAMILY[colour] for colour in pair.split()) for pair in _PAIRS
 )
 
-# Each meaning is acted out in four patterns (its colour has two partners and two sides). Three are
-# for training and one for the test, so no word is held out: what is new in a test pattern is the
-# scene. This table names the test pattern, counted 0 to 3 in index order; the second colour family
-# repeats the first.
+# Each meaning has four patterns (its colour has two partners and two sides). Three are for training
+# and one is for the test. So training shows every word; only the scene of a test pattern is new.
+# This table says which of the four is the test pattern, counted 0 to 3 in index order. The second
+# colour family has the same table as the first.
 _TEST_PATTERN = {
     ("slowly", "red"): (1, 3, 0), ("slowly", "blue"): (3, 3, 1), ("slowly", "green"): (0, 3, 1),
     ("fast", "red"): (1, 2, 0), ("fast", "blue"): (1, 0, 0), ("fast", "green"): (0, 0, 0),
@@ -174,7 +211,7 @@ _FIRST_FAMILY = {second: first for first, second in _SECOND_FAMILY.items()}
 
 @cache
 def patterns() -> tuple[Pattern, ...]:
-    """All 144 patterns in index order: `72 speed + 6 arrangement + 3 side + action`."""
+    """All 144 patterns in index order: `index = 72 speed + 6 arrangement + 3 side + action`."""
     seen: dict[Meaning, int] = {}
     made = []
     for speed, (left, right), side, action in product(SPEEDS, ARRANGEMENTS, SIDES, ACTIONS):
@@ -189,7 +226,11 @@ def patterns() -> tuple[Pattern, ...]:
 
 
 def pattern(index: int) -> Pattern:
-    """The pattern with this index. Raises `LanguageError` where there is none."""
+    """The pattern with this index.
+
+    Raises:
+        LanguageError: `index` is not 0 to 143.
+    """
     if not 0 <= index < len(patterns()):
         raise LanguageError(
             f"pattern {index} does not exist; patterns are 0 to {len(patterns()) - 1}"
@@ -198,10 +239,15 @@ def pattern(index: int) -> Pattern:
 
 
 def pattern_at(arrangement: tuple[str, str], side: str, action: str, speed: str) -> Pattern:
-    """The pattern of an action in an arrangement, one of `ARRANGEMENTS`.
+    """The pattern of an action in an arrangement.
 
-    Here alone it is known in which order the patterns stand. Raises `LanguageError` naming what
-    there is.
+    Use this function instead of index arithmetic: only this module knows the order of the patterns.
+
+    Args:
+        arrangement: colours of the left and the right cube, one of `ARRANGEMENTS`.
+
+    Raises:
+        LanguageError: one of the values does not exist. The message lists the values that do.
     """
     asked = ((speed, SPEEDS), (arrangement, ARRANGEMENTS), (side, SIDES), (action, ACTIONS))
     index = 0
@@ -213,7 +259,11 @@ def pattern_at(arrangement: tuple[str, str], side: str, action: str, speed: str)
 
 
 def signal_index(signal: str) -> int:
-    """Token index of a task signal. Raises `LanguageError` naming the signals there are."""
+    """Token index of a task signal, 23 to 27.
+
+    Raises:
+        LanguageError: there is no such signal. The message lists the signals.
+    """
     if signal not in SIGNALS:
         raise LanguageError(f"no signal {signal!r}; the signals are {', '.join(SIGNALS)}")
     return WORD_INDEX[signal]

@@ -1,4 +1,4 @@
-"""Commands end without a traceback where nobody reads on, as in `... | head -3`."""
+"""A command ends without a traceback if its output is closed, as in `... | head -3`."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import os
 import sys
 from collections.abc import Callable
 
-READER_GONE = 141  # the status of a program that its closed pipe ended, as shells count
+READER_GONE = 141  # a shell's exit code of a program that was ended by a closed pipe
 
 
 def piped(main: Callable[[], int]) -> int:
-    """Run `main`; its exit code, or `READER_GONE` where its output found no reader."""
+    """Run `main` and return its exit code, or `READER_GONE` if its output was closed."""
     try:
         try:
             return main()
         finally:
-            sys.stdout.flush()  # here, and not after the last moment to catch anything
+            sys.stdout.flush()  # here, where the error can still be caught
     except BrokenPipeError:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         for stream in (sys.stdout, sys.stderr):

@@ -1,4 +1,4 @@
-"""How a model is trained: the numbers that are chosen, each with the paper's."""
+"""How a model is trained: each setting, and the paper's value beside it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from ptae_lite.errors import ConfigError
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a model is trained. Chosen on held-out training patterns."""
+    """The settings of a training, chosen on held-out training patterns.
+
+    Raises:
+        ConfigError: a value makes no sense.
+    """
 
     epochs: int = 80  # ours, 1,920 steps; paper 2,500 epochs of 108 batches
     batch: int = 27  # ours; paper 6
     learning_rate: float = 1e-3  # ours, the peak of one cycle of Adam; paper 1e-5, constant
-    # ours; how much faster the action decoder learns than the rest. With one pace for all, either
-    # the words for new scenes get worse with training, or the joints are not done in time.
+    # ours; the learning rate of the action decoder, as a multiple of the others'. With one rate for
+    # all, either the words for new scenes get worse, or the joints have not yet converged.
     action_lr_scale: float = 3.0
     muon_lr: float = 0.0  # ours, the peak for hidden matrices, see `optimisers`; 0: Adam for all
     warmup: float = 0.0  # ours; share of the updates in which rates rise; 0: one cycle of Adam
@@ -25,7 +29,7 @@ class Recipe:
     # ours; 5 would be the paper's text, which sums over joints where its code averages
     action_weight: float = 10.0
     hold_steps: int = 8  # ours; steps in which a pose to be held still counts, paper all 99
-    mixup: bool = True  # ours; clips to describe are blended in pairs, see `signals.mixup`
+    mixup: bool = True  # ours; clips of describe are mixed in pairs, see `signals.mixup`
     supervised: float = 2 / 3  # paper: share of describe and execute in the regular training
     p_congruent_input: float = (
         0.0  # ours; share of samples with a true extra input, see `signals.build`

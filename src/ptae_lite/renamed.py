@@ -1,4 +1,4 @@
-"""Replaced names: an error about an old one names the new one."""
+"""Old names and the new ones, for messages about an old name."""
 
 from __future__ import annotations
 
@@ -43,5 +43,5 @@ COLUMNS = {  # of tables, and arrays in npz files
 
 
 def said_of(found: Iterable[str], names: dict[str, str]) -> str:
-    """Which of what was `found` are old `names`, with the new ones; empty if none is."""
+    """A message with the old names among `found` and their new names; empty if there are none."""
     return ", ".join(f"{name!r} is now called {names[name]!r}" for name in found if name in names)

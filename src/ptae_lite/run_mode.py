@@ -1,7 +1,7 @@
-"""How much a chapter really runs: replay, quick or full; and what it runs for.
+"""The tier of a run: how much a chapter really computes (replay, quick or full).
 
-The tier is chosen once, outside, by the environment variable `PTAE_TIER`; the first cell of a
-chapter prints it. Lessons hold no branches: a number that depends on the tier is written as
+The environment variable `PTAE_TIER` chooses the tier, and the first cell of a chapter prints it.
+Chapters have no branches. A number that depends on the tier is written as
 `by_tier(replay=40, quick=300, full=2000)`.
 """
 
@@ -21,7 +21,11 @@ TIERS = {
 
 
 def tier() -> str:
-    """The tier that this run is in."""
+    """The tier of this run.
+
+    Raises:
+        ConfigError: `PTAE_TIER` has another value.
+    """
     name = os.environ.get("PTAE_TIER", "replay")
     if name not in TIERS:
         raise ConfigError(f"PTAE_TIER is {name!r}; it can be {', '.join(TIERS)}")
@@ -29,20 +33,20 @@ def tier() -> str:
 
 
 def by_tier(*, replay, quick, full):
-    """The value for this tier."""
+    """The value for the tier of this run."""
     return {"replay": replay, "quick": quick, "full": full}[tier()]
 
 
 def for_site() -> bool:
-    """Whether this runs for a page of the site: `PTAE_STATIC=1`, as its build sets."""
+    """Whether this runs for a page of the site: the build sets `PTAE_STATIC=1`."""
     return os.environ.get("PTAE_STATIC") == "1"
 
 
 def is_static() -> bool:
     """Whether this runs for a page without a kernel: of the site, or one that `nbconvert` makes.
 
-    Who sits before a notebook can be asked for input; who runs one as a batch says that nobody
-    can. `PTAE_STATIC=0` makes widgets also there.
+    A notebook that a person has open allows input; one that runs as a batch does not.
+    `PTAE_STATIC=0` makes widgets in a batch, too.
     """
     if "PTAE_STATIC" in os.environ:
         return for_site()

@@ -1,4 +1,4 @@
-"""The training loop: one for all models."""
+"""The training loop, one for all models."""
 
 from __future__ import annotations
 
@@ -19,10 +19,12 @@ from ptae_lite.unfinished import Unfinished
 
 
 def label(train: np.ndarray, share_percent: float, seed: int) -> np.ndarray:
-    """Draw the labelled samples: a sorted list of `share_percent` % of `train`, rounded up.
+    """Draw the labelled samples: `share_percent` % of `train`, rounded up, sorted.
 
-    1 and 2 % of 648 are 7 and 13 samples, as the paper says. Raises `ConfigError` for a share that
-    is not above 0 and at most 100.
+    1 and 2 % of 648 are 7 and 13 samples, the numbers in the paper.
+
+    Raises:
+        ConfigError: the share is not above 0 and at most 100.
     """
     if not 0 < share_percent <= 100:
         raise ConfigError(f"a share of {share_percent} % does not exist; it is above 0 to 100")
@@ -48,32 +50,33 @@ def train(
     """Train a model on the samples of a split.
 
     Args:
-        recipe: how to train; the model's own in `MODELS` if None.
+        recipe: how to train; None for the model's own in `MODELS`.
         model: a name in `MODELS`.
-        config: the model's configuration; the paper's sizes if None.
-        split: `train` for the final model; `fit` while settings are chosen on `held_out`.
-        labelled: numbers of the samples that supervised signals may use; all if None. PVAE and
-            PRAE bind the two codes of these samples, and of no others.
+        config: the model's configuration; None for the paper's sizes.
+        split: `train` for a final model; `fit` if settings are chosen on `held_out`.
+        labelled: numbers of the samples that supervised signals may use; None for all. PVAE and
+            PRAE bind the two codes of these samples only.
         limited: every sample has a label, but few updates use one (`recipe.supervised`). Signals
-            are then drawn as with few labelled samples: PGAE's repeat both counts as supervised.
-        videos: by sample number, what the camera saw when the sample's sentence was executed in
-            other ways than recorded: features (99, F) before scaling. Execute is trained with the
+            are then drawn as with few labelled samples: PGAE's *repeat both* counts as supervised.
+        videos: other videos of a sample, by sample number: features (99, F) before scaling. They
+            show its sentence executed in another way than recorded. *Execute* is trained with the
             recorded video or one of these, each equally likely.
-        device: where the network computes, such as `cuda`. The result comes back to the CPU.
-        unfinished: a file that keeps the state of the training every ten minutes. Where it is
-            there, the training goes on from it, to the same weights. It is left to the caller to
-            delete it, once the trained model is safe.
+        device: where the network computes, such as `cuda`. The result comes back on the CPU.
+        unfinished: a file that keeps the state of the training every ten minutes. If it is there,
+            the training goes on from it, to the same weights. The caller deletes it when the
+            trained model is stored.
         on_epoch: called after each epoch with its number (from 1) and the model so far. What it
-            returns (but None) is kept in the record as `watched`; its time does not count.
-        progress: wraps the iterator over epochs (as `tqdm` does).
+            returns, unless None, is kept in the record as `watched`; its time does not count.
+        progress: wraps the iterator over epochs, as `tqdm` does.
 
     Returns:
-        The model with its scaling, and in `about` what its `TrainingRecord` says.
+        The model with its scaling, and its `TrainingRecord` as `about`.
 
     Raises:
-        ConfigError: an unknown model, a configuration of another model, a device that is not
-            here, too few samples for one batch, or labelled samples from outside the split.
-        TrainingError: a loss is not a number any more.
+        ConfigError: there is no such model, the configuration is another model's, the device cannot
+            be used, the samples do not fill one batch, or a labelled sample is outside the split.
+        TrainingError: a loss is no number any more.
+        ArtefactError: `unfinished` is the state of another training.
     """
     devices.check(device)
     if model not in MODELS:
@@ -100,7 +103,7 @@ def train(
     weights = (recipe.language_weight, recipe.action_weight, 1.0)  # the third binds PVAE's codes
     with devices.seeded(recipe.seed, device), devices.whole_float32():
         network = kind.network(config).to(device)
-        if not batches.count:  # after the model, which may have a more telling objection
+        if not batches.count:  # after making the model: its error messages are more helpful
             raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
         optimiser = Optimiser(network, recipe, record.steps)
         what = asdict(record) | {

@@ -1,6 +1,6 @@
-"""What the chapters say of themselves, as the front page's table.
+"""The front page's table of chapters: what each chapter says of itself.
 
-Each chapter states at its top what it takes: `**Time:** ...` and `**Prerequisites:** ...`.
+Each chapter says at its top what it takes: `**Time:** ...` and `**Prerequisites:** ...`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _FACTS = re.compile(r"\*\*Time:\*\* (.+?)\s\*\*Prerequisites:\*\* (.+?)\n\n", re
 
 
 class Chapter(NamedTuple):
-    """One chapter: its file without ending, its title, its time and what it needs."""
+    """One chapter: its file without ending, its title, its time, and what it needs."""
 
     file: str
     title: str
@@ -26,7 +26,11 @@ class Chapter(NamedTuple):
 
 
 def chapter(md: Path) -> Chapter:
-    """Read a chapter's source. Raises `PTAEError` where it does not say what it takes."""
+    """What a chapter's source says of itself.
+
+    Raises:
+        PTAEError: it has no title, no time or no prerequisites.
+    """
     text = md.read_text(encoding="utf-8")
     title, facts = re.search(r"^# (.+)$", text, re.MULTILINE), _FACTS.search(text)
     if not title or not facts:

@@ -1,18 +1,18 @@
 """Make the course's notebooks from its exercises: `python3 run.py course OUT`.
 
-`book/exercises/NN_name.md` holds the exercises of chapter NN: questions, answers, checks, and
-mistakes that readers make. From it come two notebooks: the student's, with stubs, and the
-instructor's, with the answers. Their cells are marked as nbgrader reads them: the instructor's is
-a source from which nbgrader makes the student's.
+`book/exercises/NN_name.md` has the exercises of chapter NN: questions, answers, checks, and likely
+mistakes. Two notebooks are made from it: the student's, with stubs, and the instructor's, with the
+answers. Their cells have nbgrader's marks, and nbgrader can make the student's notebook from the
+instructor's.
 
-An exercise begins with a heading such as `## 3.1 Write code: attention (20 min)`. Tags say what
-its cells are, and cells without a tag stand in both notebooks:
+An exercise begins with a heading such as `## 3.1 Write code: attention (20 min)`. Tags say what its
+cells are. Cells without a tag are in both notebooks:
 
 - `answer`, a text: the answer, what to listen for, misconceptions. The student has a stub.
-- `answer`, code: what stands between BEGIN SOLUTION and END SOLUTION is a stub for the student.
+- `answer`, code: the part between BEGIN SOLUTION and END SOLUTION is a stub for the student.
 - `check`: says in one sentence what the reader's code lacks; see `exercise_check.check`.
-- `mistake`: code in place of the answer, for the tests alone. Its metadata `hint` is a part of the
-  sentence that the check must find for it.
+- `mistake`: code in place of the answer, for the tests only. Its metadata `hint` is a part of the
+  sentence that the check must give for it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PARTS = ("**Answer.**", "**Listen for.**", "**Misconceptions.**")  # of an answe
 TAGS = {"answer", "check", "mistake"}
 BEGIN, END = "### BEGIN SOLUTION", "### END SOLUTION"
 SEED = "SEED = 0"  # the line that `--seed` changes
-# What nbgrader puts in place of an answer, so that its student version is ours.
+# The stubs of nbgrader, so that its student's notebook is the same as ours.
 CODE_STUB = ("# YOUR CODE HERE", "raise NotImplementedError()")
 TEXT_STUB = "YOUR ANSWER HERE"
 _HEADING = re.compile(r"## (\d+)\.(\d+) ([\w ]+): (.+) \((\d+) min\)$", re.MULTILINE)
@@ -51,7 +51,7 @@ _HEADING = re.compile(r"## (\d+)\.(\d+) ([\w ]+): (.+) \((\d+) min\)$", re.MULTI
 
 @dataclass(frozen=True)
 class Exercise:
-    """One exercise: what its heading says, and its cells as they are in the source."""
+    """One exercise: what its heading says, and its cells."""
 
     number: str
     kind: str
@@ -66,7 +66,7 @@ class Exercise:
 
 @dataclass(frozen=True)
 class Sheet:
-    """The exercises of a chapter: `opening` are the cells before the first one."""
+    """The exercises of a chapter. `opening` are the cells before the first one."""
 
     name: str
     opening: list[NotebookNode]
@@ -75,15 +75,21 @@ class Sheet:
 
     @property
     def title(self) -> str:
+        """The heading of the chapter's exercises."""
         return self.opening[0].source.splitlines()[0].removeprefix("# ")
 
 
 def tags(cell: NotebookNode) -> list[str]:
+    """The tags of a cell."""
     return cell.metadata.get("tags", [])
 
 
 def sheets(folder: Path = FOLDER) -> list[Sheet]:
-    """The exercises of the chapters, in order. Raises `ArtefactError` where there are none."""
+    """The exercises of all chapters, in order.
+
+    Raises:
+        ArtefactError: there are none, or one of them lacks something.
+    """
     folder = Path(folder).resolve()
     files = [folder / f"{name}.md" for name in chapter_names(folder.parent)]
     found = [read(md) for md in files if md.is_file()]
@@ -93,7 +99,11 @@ def sheets(folder: Path = FOLDER) -> list[Sheet]:
 
 
 def read(md: Path) -> Sheet:
-    """A chapter's exercises. Raises `ArtefactError` saying what one of them lacks."""
+    """The exercises of a chapter.
+
+    Raises:
+        ArtefactError: one of them lacks something. The message says what.
+    """
     notebook = jupytext.read(md, fmt="md:myst")
     groups: list[list[NotebookNode]] = [[]]
     for cell in notebook.cells:
@@ -148,7 +158,7 @@ def _lacks(one: Exercise) -> str:
 
 
 def stub(cell: NotebookNode) -> str:
-    """What the student finds in the place of an answer, the same that nbgrader would put there."""
+    """What the student finds instead of an answer. nbgrader writes the same."""
     if cell.cell_type == "markdown":
         return TEXT_STUB
     head, rest = cell.source.split(BEGIN)
@@ -181,14 +191,14 @@ def notebook(sheet: Sheet, *, student: bool, seed: int = 0) -> NotebookNode:
         lines = cell.source.split("\n")
         cell.source = "\n".join(f"SEED = {seed}" if line == SEED else line for line in lines)
     metadata = copy.deepcopy(sheet.metadata)
-    metadata.pop("jupytext", None)  # these notebooks are no pairs
+    metadata.pop("jupytext", None)  # these notebooks have no .md twin
     made = NotebookNode(nbformat=4, nbformat_minor=5, metadata=metadata, cells=cells)
     notebooks.set_ids(made)
     return made
 
 
 def _marks(exercise: Exercise, part: str, cell: NotebookNode, *, grade: bool, solution: bool):
-    """nbgrader's metadata: an answer in code is marked by its check, one in words by itself."""
+    """nbgrader's metadata. An answer in code is graded in its check, one in words in itself."""
     marks = {
         "grade": grade,
         "solution": solution,
@@ -202,10 +212,10 @@ def _marks(exercise: Exercise, part: str, cell: NotebookNode, *, grade: bool, so
 
 
 def write(out: Path, folder: Path = FOLDER, seed: int = 0) -> list[Path]:
-    """Write `student/` and `instructor/` into a new folder, all or nothing.
+    """Write `student/` and `instructor/` into a new folder, all or nothing; returns the files.
 
     Raises:
-        ArtefactError: the folder holds something, which may be somebody's work, or is in the book.
+        ArtefactError: the folder is not empty (it may hold somebody's work), or is inside the book.
     """
     out = Path(out).absolute()
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -226,7 +236,7 @@ def write(out: Path, folder: Path = FOLDER, seed: int = 0) -> list[Path]:
         for name, data in files.items():
             (made / name).parent.mkdir(exist_ok=True)
             (made / name).write_bytes(data)
-        made.chmod(0o755)  # a temporary folder is its owner's alone
+        made.chmod(0o755)  # only the owner may open a temporary folder
         if out.exists():
             out.rmdir()
         made.rename(out)
@@ -254,6 +264,7 @@ class Table:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py course`."""
     made = argparse.ArgumentParser(
         prog="run.py course", description="Write the student's and instructor's notebooks."
     )
@@ -263,6 +274,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(argv: list[str]) -> int:
+    """Write the notebooks; returns the exit code."""
     args = parser().parse_args(argv)
     try:
         written = write(args.out, seed=args.seed)

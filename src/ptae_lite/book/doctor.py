@@ -1,7 +1,6 @@
-"""What is wrong here, and the command that mends each thing: `python3 run.py doctor`.
+"""What is wrong here, and a command that mends each thing: `python3 run.py doctor`.
 
-Standard library only, like the parts that it takes from this folder: it has to run where the rest
-cannot.
+Standard library only, like its parts in this folder: the doctor must run where other things fail.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-if __name__ == "__main__":  # of this folder, whatever is installed and wherever it is called
+if __name__ == "__main__":  # use the library of this folder, whatever is installed
     os.chdir(Path(__file__).resolve().parents[3])
     sys.path.insert(0, "src")
 
@@ -38,7 +37,7 @@ from ptae_lite.pipes import piped
 
 MINIMUM = (3, 11)
 MANAGER = "labextensions/@jupyter-widgets/jupyterlab-manager/package.json"
-FRONT_END_OF = {"7": "3", "8": "5"}  # major versions: of ipywidgets, and of its part in JupyterLab
+FRONT_END_OF = {"7": "3", "8": "5"}  # major versions of ipywidgets, and of its JupyterLab part
 PIN = re.compile(r"^([\w.-]+)==([^\s;]+)\s*(?:;\s*(.*))?$")
 COMPARE = {ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge,
            ast.Eq: operator.eq, ast.NotEq: operator.ne}  # fmt: skip
@@ -48,6 +47,7 @@ NO_TORCH = {("darwin", "x86_64"): "macOS on Intel processors", ("win32", "ARM64"
 
 
 def check_python(version=sys.version_info) -> Finding:
+    """Whether this Python is new enough."""
     have, need = (".".join(map(str, v[:3])) for v in (version, MINIMUM))
     if tuple(version[:2]) < MINIMUM:
         mend = f"install Python {need} or newer, delete .venv/, then: {starter()} book"
@@ -56,7 +56,7 @@ def check_python(version=sys.version_info) -> Finding:
 
 
 def holds(marker: str | None) -> bool:
-    """Whether the marker of a pin is true here. A marker is also an expression of Python's."""
+    """Whether the marker of a pin is true here. A marker is also a Python expression."""
     here = {
         "python_version": tuple(sys.version_info[:2]),
         "python_full_version": tuple(sys.version_info[:3]),
@@ -78,13 +78,14 @@ def holds(marker: str | None) -> bool:
 
 
 def pins(environment: Path) -> dict[str, str]:
-    """The versions that an environment.txt asks for here, by package."""
+    """The versions that an environment.txt asks for on this system, by package."""
     lines = environment.read_text(encoding="utf-8").splitlines()
     found = (PIN.match(line.strip()) for line in lines)
     return {match[1]: match[2] for match in found if match and holds(match[3])}
 
 
 def check_packages(root: Path = ROOT, have=installed) -> Finding:
+    """Whether the packages have the versions of environment.txt."""
     torchless = NO_TORCH.get((sys.platform, platform.machine()))
     if torchless and have("torch") is None:
         says = f"PyTorch has no wheel for {torchless}, so the book cannot be installed here"
@@ -94,7 +95,7 @@ def check_packages(root: Path = ROOT, have=installed) -> Finding:
         return Finding("packages", PROBLEM, "there is no .venv/ yet", f"{starter()} book")
     wanted, wrong = pins(root / "environment.txt"), []
     for name in SIMULATORS:
-        wanted.pop(name, None)  # has a line of its own
+        wanted.pop(name, None)  # the doctor has a line for it
     for package, version in wanted.items():
         found = have(package)
         if found is None or found.split("+")[0] != version:  # 2.13.0+cpu is a build of 2.13.0
@@ -107,10 +108,10 @@ def check_packages(root: Path = ROOT, have=installed) -> Finding:
 
 
 def check_library(root: Path = ROOT, found: str | None = None) -> Finding:
-    """Python has to find the library of this folder, and the programs of .venv/ to start this one.
+    """Whether Python finds this folder's library, and the programs of .venv/ start this Python.
 
     Args:
-        found: the library's file, if not what a fresh Python finds.
+        found: the library's file; None for the one that a fresh Python finds.
     """
     own = root / "src" / "ptae_lite" / "__init__.py"
     found = _find_library() if found is None else found
@@ -137,12 +138,12 @@ def _find_library() -> str:
 
 
 def _isolated() -> list[str]:
-    """What starts another Python that obeys the same variables as this one."""
+    """Options that make another Python obey the same variables as this one."""
     return ["-E"] if sys.flags.ignore_environment else []
 
 
 def jupyter_folders() -> list[Path]:
-    """Where JupyterLab looks for its parts, first ones first."""
+    """The folders in which JupyterLab looks for its parts, in order."""
     own, user = Path(sys.prefix, "share", "jupyter"), Path.home() / ".local" / "share" / "jupyter"
     if sys.platform == "darwin":
         user = Path.home() / "Library" / "Jupyter"
@@ -155,7 +156,7 @@ def jupyter_folders() -> list[Path]:
 
 
 def check_widgets(folders=None, have=installed) -> Finding:
-    """Sliders need two halves of one version: in the kernel, and in the page."""
+    """Whether the two halves of the widgets, in the kernel and in the page, fit together."""
     kernel = have("ipywidgets")
     path = next(
         (f / MANAGER for f in folders or jupyter_folders() if (f / MANAGER).is_file()), None
@@ -183,7 +184,7 @@ def _version_in(path: Path) -> str:
 
 
 def check_pybullet(environment: Path = ROOT / "environment.txt", works=None) -> Finding:
-    """Only `record` and the closed loop need it."""
+    """Whether PyBullet works. Only `record` and the closed loop need it."""
     if (works or _pybullet_works)():
         name = next(filter(installed, SIMULATORS), "pybullet")
         says = f"{name} {installed(name) or ''}: recordings can be made, sentences acted out"
@@ -207,7 +208,7 @@ def _hashes(data: Path) -> dict[str, str]:
 
 
 def check_data(root: Path = ROOT) -> list[Finding]:
-    """Every stored file against its hash in the manifest."""
+    """Compares every stored file with its hash in the manifest."""
     data, git = root / "data", (root / ".git").exists() and shutil.which("git")
     anew = "download the project again; what is in data/ belongs to it"
     try:
@@ -236,7 +237,7 @@ def check_data(root: Path = ROOT) -> list[Finding]:
 
 
 def mend_line_endings(root: Path = ROOT) -> list[str]:
-    """Write stored files whose line ends were changed as they were; their names."""
+    """Restore the line ends of stored files; returns the names of the changed files."""
     hashes, mended = _hashes(root / "data"), []
     for name, digest in sorted(hashes.items()):
         path = root / "data" / name
@@ -248,6 +249,7 @@ def mend_line_endings(root: Path = ROOT) -> list[str]:
 
 
 def examine() -> list[Finding]:
+    """All findings."""
     packages = check_packages()
     parts = [check_widgets(), check_pybullet()] if installed("torch") else []
     own = [check_python(), packages, check_library(), *parts]
@@ -255,7 +257,7 @@ def examine() -> list[Finding]:
 
 
 def report(findings: list[Finding]) -> str:
-    """The findings as lines, each with what mends it below it, and how many there are."""
+    """The findings as lines, each with the command that mends it, and how many there are."""
     lines = []
     for one in findings:
         lines.append(f"{one.state:<8} {one.what:<9} {one.says}")
@@ -269,6 +271,7 @@ def report(findings: list[Finding]) -> str:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py doctor`."""
     made = argparse.ArgumentParser(prog="run.py doctor", description=__doc__.split(":")[0] + ".")
     made.add_argument("--json", action="store_true", help="print the findings as JSON")
     made.add_argument(
@@ -278,6 +281,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
+    """Print all findings; returns 1 if there is a problem."""
     options = parser().parse_args(arguments)
     if options.line_endings:
         for name in mend_line_endings():

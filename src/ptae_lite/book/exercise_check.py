@@ -1,9 +1,9 @@
-"""The check of an exercise: one sentence on what was written, and no traceback around it.
+"""The check of an exercise: it prints one sentence about the reader's code, without a traceback.
 
-An exercise comes with a function that asks the reader's answer, a function too, this and that, and
-returns what is wrong with it: one sentence that leads on, or None where nothing is. `check` puts a
-guard between the two. It gives each call copies, ends it after `LIMIT_S` seconds, and lets nothing
-back that is of another kind than the exercise asks for.
+An exercise has a function `hint`. It calls the reader's function and returns one sentence about
+what is wrong, or None if nothing is. `check` puts a guard between the two. The guard passes copies
+of the arguments, stops a call after `LIMIT_S` seconds, and accepts only results of the kind that
+the exercise asks for.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ CURES = {
 
 
 class NotYet(Exception):
-    """An answer that is not right yet; the message is the one sentence that helps."""
+    """An answer that is not right yet. The message is one sentence that helps."""
 
     def _render_traceback_(self) -> list[str]:
-        """What IPython shows: where a check stopped is of no interest."""
+        """What IPython shows instead of a traceback."""
         return [f"Not yet. {self}"]
 
 
 def check(hint: Callable[..., str | None], name: str, like: Any) -> None:
-    """Print "Right.", or stop with what `hint(answer)` has to say.
+    """Print "Right.", or stop with the sentence of `hint(answer)`.
 
     Args:
         hint: finds what is wrong with the answer.
-        name: of the answer, in the notebook that defines `hint`.
-        like: an example of what the answer returns (of an array, shape and kind of number count),
-            or a function that makes the example from the arguments of a call.
+        name: name of the answer, in the notebook that defines `hint`.
+        like: an example of what the answer returns (of an array, its shape and kind of number
+            count), or a function that makes the example from the arguments of a call.
 
     Raises:
         NotYet: the answer is missing or not right. nbgrader counts a cell that raises as failed.
@@ -55,7 +55,7 @@ def check(hint: Callable[..., str | None], name: str, like: Any) -> None:
         sentence = hint(_guarded(answer, name, like))
     except NotYet:
         raise
-    except Exception as error:  # not the answer's: the guard turns these into sentences
+    except Exception as error:  # of the check; the guard catches those of the answer
         sentence = (
             f"The check itself stopped with {_message(error)}, perhaps because a name that it uses "
             "was changed: restart the kernel and run all cells."
@@ -66,7 +66,7 @@ def check(hint: Callable[..., str | None], name: str, like: Any) -> None:
 
 
 def _guarded(answer: Callable, name: str, like: Any) -> Callable:
-    """The answer as a check calls it: it returns what is like the example, or raises `NotYet`."""
+    """The answer with the guard around it. It returns what is like the example, or raises."""
 
     def ask(*given):
         mine = copy.deepcopy(given)
@@ -84,13 +84,13 @@ def _guarded(answer: Callable, name: str, like: Any) -> Callable:
 
 
 def _call(answer: Callable, name: str, given: tuple) -> Any:
-    """Call it in a thread, which can be ended on every system, other than the notebook's own."""
+    """Call the answer in a thread of its own, because a thread can be stopped on every system."""
     outcome: dict[str, Any] = {}
 
     def work():
         try:
             outcome["result"] = answer(*given)
-        except BaseException as error:  # sys.exit() is no way out of a check
+        except BaseException as error:  # also SystemExit: sys.exit() must not end the check
             outcome["error"] = error
 
     worker = threading.Thread(target=work, daemon=True)
@@ -104,7 +104,7 @@ def _call(answer: Callable, name: str, given: tuple) -> Any:
         raise NotYet(
             f"`{name}` was stopped after {LIMIT_S:g} seconds; see that each of its loops ends."
         )
-    error = outcome.get("error")
+    error = outcome.pop("error", None)  # it refers to `outcome`: all it was given would stay
     if isinstance(error, NotImplementedError):
         raise NotYet(UNWRITTEN)
     if error is not None:
@@ -113,7 +113,7 @@ def _call(answer: Callable, name: str, given: tuple) -> Any:
 
 
 def _end(worker: threading.Thread) -> None:
-    """Raise SystemExit in a thread that still runs; again, since its code may catch everything."""
+    """Stop a thread by raising SystemExit in it, up to 20 times: its code may catch everything."""
     for _ in range(20):
         if not worker.is_alive():
             return
@@ -144,7 +144,7 @@ def _parameter(answer: Callable, place: int) -> str:
 
 
 def _same(before: Any, after: Any) -> bool:
-    """Whether numbers and texts are as they were; a generator of random numbers may move on."""
+    """Whether numbers and texts did not change. A random generator may change its state."""
     if type(before) is not type(after):
         return False
     if isinstance(before, np.ndarray):
@@ -155,7 +155,11 @@ def _same(before: Any, after: Any) -> bool:
 
 
 def _fitted(value: Any, example: Any, what: str) -> Any:
-    """The value without its own types, if it is of the example's kind; else raises `NotYet`."""
+    """The value in plain types, if it is of the example's kind.
+
+    Raises:
+        NotYet: it is not.
+    """
     fitted, wanted = _FITS[type(example)](value, example)
     if fitted is None:
         raise NotYet(f"{what} must be {wanted}, and it is {_described(value)}.")
@@ -183,6 +187,12 @@ def _as_number(value: Any, example: float) -> tuple[float | None, str]:
     return (float(made) if fits else None), "one finite number"
 
 
+def _as_whole_number(value: Any, example: int) -> tuple[int | None, str]:
+    made = _numbers(value)
+    fits = made is not None and made.ndim == 0 and made.dtype.kind in "iu"
+    return (int(made) if fits else None), "one whole number"
+
+
 def _as_bool(value: Any, example: bool) -> tuple[bool | None, str]:
     return (bool(value) if isinstance(value, bool | np.bool_) else None), "True or False"
 
@@ -201,6 +211,7 @@ def _as_list(value: Any, example: list | tuple) -> tuple[list | None, str]:
 
 _FITS = {
     np.ndarray: _as_array,
+    int: _as_whole_number,
     float: _as_number,
     bool: _as_bool,
     str: _as_text,
@@ -210,7 +221,7 @@ _FITS = {
 
 
 def _numbers(value: Any) -> np.ndarray | None:
-    """A copy of an array, or an array of numbers or lists of numbers; None of anything else."""
+    """An array of a value: of an array, a number, or lists of numbers. None for anything else."""
     if not isinstance(value, np.ndarray | np.generic | list | tuple | int | float):
         return None
     try:

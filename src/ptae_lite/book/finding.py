@@ -1,6 +1,6 @@
-"""What the doctor's parts share: a finding, and the project and the Python that they speak of.
+"""What the doctor's parts share: a finding, the project's folder, and the name of its Python.
 
-Standard library only, as all of the doctor.
+Standard library only, like all parts of the doctor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,14 @@ GOOD, WARNING, PROBLEM = "good", "warning", "PROBLEM"
 
 
 class Finding(NamedTuple):
-    """One line: what was looked at, how it is, and the command that mends it."""
+    """One line of the doctor.
+
+    Args:
+        what: what was checked.
+        state: `GOOD`, `WARNING` or `PROBLEM`.
+        says: an explanation.
+        mend: a command that mends it, if there is one.
+    """
 
     what: str
     state: str
@@ -25,17 +32,19 @@ class Finding(NamedTuple):
 
 
 def python() -> str:
-    """The Python that runs this, as a reader in the project's folder would type it."""
+    """This Python, as a reader in the project's folder would type it."""
     path = Path(sys.executable)
     text = str(path.relative_to(ROOT) if path.is_relative_to(ROOT) else path)
     return f'"{text}"' if " " in text else text
 
 
 def starter() -> str:
+    """How a reader starts `run.py` on this system."""
     return "py run.py" if os.name == "nt" else "python3 run.py"
 
 
 def installed(package: str) -> str | None:
+    """The installed version of a package; None if it is not installed."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -1,6 +1,6 @@
-"""Make the `.venv/` of this project run its own library: `python installation.py [--from FOLDER]`.
+"""Make the `.venv/` of this project use its own library: `python installation.py [--from FOLDER]`.
 
-It is run by the Python of the environment, before anything else works: standard library only.
+The environment's Python runs this before anything else works, so it uses the standard library only.
 """
 
 from __future__ import annotations
@@ -14,21 +14,28 @@ import sysconfig
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[3]
-LINK = "00_ptae_lite.pth"  # read before an editable installation of elsewhere
-LONGEST = 127  # bytes that every system reads of a first line
+LINK = "00_ptae_lite.pth"  # its name sorts before that of an editable installation
+LONGEST = 127  # bytes of a script's first line that every system reads
 
 
 def link(packages: Path, root: Path = ROOT) -> None:
-    """Let Python find the library by a relative path, so that a moved or copied folder has its own.
+    """Let Python find the library by a relative path, which stays right if the folder is moved or
+    copied.
 
-    `packages` is the environment's folder of packages.
+    Args:
+        packages: the environment's folder of packages.
     """
     path = os.path.relpath(root / "src", packages)
     (packages / LINK).write_text(path + "\n", encoding="ascii")
 
 
 def settle(programs: Path, before: Path, root: Path = ROOT) -> None:
-    """After a move or a copy from `before`: no file in `programs` starts the Python of there."""
+    """After the project was moved or copied: no program may start the Python of the old place.
+
+    Args:
+        programs: the environment's folder of programs.
+        before: the old place of the project.
+    """
     old, new = (os.fsencode(folder / ".venv") for folder in (before, root))
     for path in programs.iterdir():
         content = path.read_bytes() if path.is_file() and not path.is_symlink() else b""
@@ -41,7 +48,7 @@ def settle(programs: Path, before: Path, root: Path = ROOT) -> None:
 
 
 def moved(script: bytes, old: bytes, new: bytes) -> bytes:
-    """A script with the path `new` for `old`; quoted where a shell reads it bare, as `A=/old`."""
+    """A script with the path `new` instead of `old`, quoted where a shell needs quotes."""
     word = new if os.name == "nt" else os.fsencode(shlex.quote(os.fsdecode(new)))
     path = re.escape(old)
     pattern = rb"((?<=[= ])" + path + rb"(?=[)\s]))|" + path
@@ -49,18 +56,22 @@ def moved(script: bytes, old: bytes, new: bytes) -> bytes:
 
 
 def startable(script: bytes) -> bytes:
-    """A script whose first line names a Python that no system starts so is started by a shell."""
+    """A script that every system can start.
+
+    If its first line is too long or has a space, a shell starts it.
+    """
     first, newline, rest = script.partition(b"\n")
     if not first.startswith(b"#!") or (b" " not in first and len(first) <= LONGEST):
         return script
     if first.startswith((b"#!/bin/sh", b"#!/usr/bin/env ")):
         return script
-    # To Python, the two lines in place of the first are a text.
+    # Two lines replace the first. Python reads them as a string.
     shell = b"#!/bin/sh\n'''exec' \"" + first[2:].strip() + b'" "$0" "$@"\n\' \'\'\''
     return shell + newline + rest
 
 
 def main(arguments=None) -> int:
+    """Mend the environment; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split(":")[0])
     parser.add_argument("--from", dest="before", metavar="FOLDER", help="where it was made")
     options = parser.parse_args(arguments)
@@ -68,7 +79,7 @@ def main(arguments=None) -> int:
         link(Path(sysconfig.get_path("purelib")))
         if options.before:
             settle(Path(sysconfig.get_path("scripts")), Path(options.before))
-    except OSError as error:  # such as a folder that may only be read: the doctor goes on saying so
+    except OSError as error:  # such as a read-only folder; the doctor then still reports it
         print(f".venv/ cannot be changed ({error}).", file=sys.stderr)
         return 1
     return 0

@@ -1,6 +1,6 @@
-"""What the doctor says of the machine: its room, its memory, its cores, its browser, its settings.
+"""What the doctor says of the machine: disk, memory, cores, browser, and variables.
 
-Standard library only, as all of the doctor.
+Standard library only, like all parts of the doctor.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from ptae_lite.book.finding import GOOD, PROBLEM, ROOT, WARNING, Finding, instal
 FREE_GB, INSTALL_GB = 2, 6  # a full re-run leaves some 0.5 GB; the install needs more
 CHAPTER_GB, LAB_GB = 0.75, 0.2  # measured: the kernel of a chapter at most, and JupyterLab
 MEMORY_GB = 2  # two chapters side by side, as the book is built; training a CAE takes 1.4
-ADDRESSES_GB = 3  # a chapter maps libraries and never reads most of them
+ADDRESSES_GB = 3  # a chapter maps large libraries into its address space and reads little of them
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-# What run.py takes away from all that it starts (its FOREIGN, but for an active .venv/).
+# Variables that run.py removes for everything it starts (its FOREIGN, without VIRTUAL_ENV).
 FOREIGN = (
     "PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONOPTIMIZE", "PYTHONWARNINGS",
     "PYTEST_ADDOPTS", "PYTEST_PLUGINS", "PYTEST_DISABLE_PLUGIN_AUTOLOAD", "JUPYTER_PATH",
@@ -26,8 +26,9 @@ FOREIGN = (
 
 
 def check_disk(free_bytes: int | None = None, root: Path = ROOT) -> Finding:
+    """Whether there is room for the installation and for runs."""
     free = (shutil.disk_usage(root).free if free_bytes is None else free_bytes) / 1e9
-    there = (root / ".venv").exists() or installed("torch")  # a hub has its own
+    there = (root / ".venv").exists() or installed("torch")  # on a hub, without .venv/
     needed = FREE_GB if there else INSTALL_GB
     if free < needed:
         says = f"{free:.1f} GB are free, {needed} are needed; your runs lie in {root / 'build'}"
@@ -36,7 +37,7 @@ def check_disk(free_bytes: int | None = None, root: Path = ROOT) -> Finding:
 
 
 def check_memory(limits: dict[str, int] | None = None, addresses: int | None = None) -> Finding:
-    """The least of what limits it, against what was measured of the chapters."""
+    """Compares the smallest limit of the memory with what the chapters were measured to use."""
     if limits is None:
         limits, addresses = memory.limits(), memory.address_space()
     needs = f"a chapter takes up to {CHAPTER_GB} GB, JupyterLab {LAB_GB}"
@@ -57,6 +58,7 @@ def check_memory(limits: dict[str, int] | None = None, addresses: int | None = N
 
 
 def check_cores(count: int | None = None) -> Finding:
+    """Whether there is more than one core."""
     usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
     count = count or len(usable(0))
     says = f"{count}; everything runs on one, a full re-run is planned for two"
@@ -64,6 +66,7 @@ def check_cores(count: int | None = None) -> Finding:
 
 
 def check_chromium(find=shutil.which) -> Finding:
+    """Whether there is a browser for the tests of the pages."""
     path = next(filter(None, map(find, BROWSERS)), None)
     if path:
         return Finding("Chromium", GOOD, path)
@@ -73,7 +76,7 @@ def check_chromium(find=shutil.which) -> Finding:
 
 
 def check_variables(environ=os.environ) -> list[Finding]:
-    """What another project set for its own Python, and what an own call would obey."""
+    """Variables of other projects that change what Python does when it is started by hand."""
     named = [name for name in FOREIGN if name in environ]
     active = environ.get("VIRTUAL_ENV")
     if active and Path(active).resolve() != (ROOT / ".venv").resolve():
@@ -87,5 +90,6 @@ def check_variables(environ=os.environ) -> list[Finding]:
 
 
 def examine() -> list[Finding]:
+    """All findings on the machine."""
     looks = [check_disk(), check_memory(), check_cores(), check_chromium()]
     return [*looks, *check_variables()]

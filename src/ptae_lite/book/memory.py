@@ -1,4 +1,4 @@
-"""How much memory a process may have here, by whatever limits it. Standard library only."""
+"""How much memory a process may use here, and what limits it. Standard library only."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def limits(root: Path = Path("/")) -> dict[str, int]:
-    """What limits this process's memory, in bytes; empty where the system does not say.
+    """The limits of this process's memory in bytes, by what sets them; empty if unknown.
 
     Args:
         root: where `/proc` and `/sys` are.
@@ -23,7 +23,7 @@ def limits(root: Path = Path("/")) -> dict[str, int]:
 
 
 def _control_groups(root: Path) -> list[int]:
-    """The limits of this process's control groups, of both versions, and of those around them."""
+    """The limits of this process's control groups (versions 1 and 2) and of their parents."""
     try:
         lines = (root / "proc/self/cgroup").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -50,7 +50,7 @@ def _control_groups(root: Path) -> list[int]:
 
 
 def address_space() -> int | None:
-    """The limit of `ulimit -v` in bytes; None where there is none."""
+    """The limit of `ulimit -v` in bytes; None if there is none."""
     try:
         import resource
     except ImportError:

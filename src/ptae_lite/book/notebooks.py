@@ -1,10 +1,10 @@
 """Write the notebook twins of the chapters: `python3 run.py notebooks [NAME ...]`.
 
-A chapter is a pair. `NN_name.md` (MyST Markdown) is the source that people edit and review;
-`NN_name.ipynb` has the same cells with their outputs, for readers who look at the notebook where
-nothing runs. This command makes the second from the first. The same cells with the same outputs
-give the same bytes, so a difference in a twin always means something. A twin knows which cells it
-was written with: cells that a reader changed in it alone are never overwritten unasked.
+A chapter is a pair of files. `NN_name.md` (MyST Markdown) is the source, which people edit and
+review. `NN_name.ipynb` has the same cells with their outputs, for readers who look at it where
+nothing runs. This command makes the second from the first. The same cells and outputs give the same
+bytes, so a difference in a twin always means something. A twin stores a hash of its cells. So cells
+that a reader changed only in the twin are never overwritten without being asked.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellControlSignal, DeadKernelError
 from nbformat import NotebookNode
 
-from ptae_lite.book.chapters import chapter_files, notice
+from ptae_lite.book import numbers
+from ptae_lite.book.chapters import notebook_files, notice
 from ptae_lite.errors import ArtefactError, FileError
 from ptae_lite.files import atomic_write
 from ptae_lite.pipes import piped
@@ -33,16 +34,21 @@ LIMIT_BYTES = 500_000
 EMBED_MARK = "data-ptae-embed"  # stands in the HTML of every 3-D viewer
 WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 TIMEOUT_S = 600  # for a cell
-# What tools that convert a notebook go by; not the running version, which differs from reader to
-# reader.
+# Tools that convert notebooks need these. The running version of Python is left out, because it
+# differs between readers.
 LANGUAGE = {"name": "python", "file_extension": ".py", "nbconvert_exporter": "python"}
-# Not in the sources: saving one in JupyterLab would write there what this machine calls its Python.
+# Set in the twins only. In a source, JupyterLab would replace it by this machine's name for Python.
 KERNEL = {"name": "python3", "language": "python", "display_name": "Python 3"}
-STAMP = "ptae_lite"  # in a twin's metadata: the cells it was written with
+FOLDED = {"hide-input", "remove-input"}  # tags of cells whose code a page folds or leaves out
+STAMP = "ptae_lite"  # key in a twin's metadata: the hash of the cells it was written with
 
 
 def read(md: Path) -> NotebookNode:
-    """A chapter's source as a notebook without outputs."""
+    """A chapter's source as a notebook without outputs.
+
+    Raises:
+        ArtefactError: the file is missing.
+    """
     if not md.is_file():
         raise ArtefactError(
             f"{md} is missing; write it from its notebook: run.py notebooks {md.stem} --from ipynb"
@@ -51,25 +57,27 @@ def read(md: Path) -> NotebookNode:
 
 
 def execute(notebook: NotebookNode, folder: Path) -> None:
-    """Run every cell in `folder`, in the default tier whatever the caller's environment says."""
+    """Run every cell in `folder`, in the default tier whatever the environment says."""
     env = {**os.environ, "PTAE_TIER": "replay", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
     env["PTAE_STATIC"] = "0"  # a twin is for JupyterLab, whose kernel answers the sliders
-    env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib dates its SVG files; so every run gets the same
-    # Neither time stamps, which differ in every run, nor widget state, which nothing reads later.
+    env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib writes this date into its SVG files
+    # no time stamps, which differ in every run, and no widget state, which nothing reads later
     options = {"timeout": TIMEOUT_S, "record_timing": False, "store_widget_state": False}
-    quiet = ["--IPKernelApp.log_level=40"]  # kernels warn of what holds on this machine alone
+    quiet = ["--IPKernelApp.log_level=40"]  # no warnings about this machine
     client = NotebookClient(notebook, kernel_name="python3", extra_arguments=quiet, **options)
     client.execute(cwd=str(folder), env=env)
 
 
 def clean(notebook: NotebookNode) -> None:
-    """Drop from a notebook what does not belong into the repository."""
+    """Remove from a notebook what must not be in the repository; fold the code a page folds."""
     notebook.metadata.pop("widgets", None)
     notebook.metadata["language_info"] = dict(LANGUAGE)
     notebook.metadata["kernelspec"] = dict(KERNEL)
     for cell in notebook.cells:
         if cell.cell_type == "code":
             cell.metadata.pop("execution", None)
+            if FOLDED & set(cell.metadata.get("tags", [])):
+                cell.metadata["jupyter"] = {"source_hidden": True}  # as JupyterLab says it
             cell.outputs = _clean_outputs(cell.outputs)
 
 
@@ -97,7 +105,7 @@ def _clean_bundle(bundle: dict) -> None:
 
 
 def set_ids(notebook: NotebookNode) -> None:
-    """Name each cell after its content, so that inserting a cell leaves the other names alone."""
+    """Give each cell an id made from its content, so a new cell does not change the others."""
     seen = Counter()
     for cell in notebook.cells:
         content = f"{cell.cell_type}\n{cell.source}"
@@ -106,7 +114,11 @@ def set_ids(notebook: NotebookNode) -> None:
 
 
 def to_bytes(notebook: NotebookNode, name: str) -> bytes:
-    """The notebook as it stands in its file; an `ArtefactError` where it is too large."""
+    """The notebook as the bytes of its file.
+
+    Raises:
+        ArtefactError: it is too large.
+    """
     nbformat.validate(notebook)
     data = nbformat.writes(notebook).encode() + b"\n"
     if len(data) > LIMIT_BYTES:
@@ -115,21 +127,35 @@ def to_bytes(notebook: NotebookNode, name: str) -> bytes:
 
 
 def write(md: Path) -> Path:
-    """Run a chapter and write its twin, which stays as it was when anything fails."""
-    notebook = read(md)
+    """Run a chapter, renew the numbers in its text and write its twin.
+
+    The source is set as JupyterLab would save it. If anything fails, both files stay as they were.
+    """
+    source, notebook = read(md), read(md)
+    numbers.ask(notebook)
     execute(notebook, md.parent.resolve())
+    values = numbers.take(notebook)
+    for one in (source, notebook):
+        in_order = iter(values)
+        for cell in one.cells:
+            if cell.cell_type == "markdown":
+                cell.source = numbers.fill(cell.source, in_order)
     clean(notebook)
     set_ids(notebook)
     notebook.metadata[STAMP] = {"cells": fingerprint(notebook)}
     ipynb = md.with_suffix(".ipynb")
     content = to_bytes(notebook, ipynb.name)
+    text = jupytext.writes(source, fmt="md:myst")
+    if text != md.read_text(encoding="utf-8"):
+        with atomic_write(md) as temporary:
+            temporary.write_text(text, encoding="utf-8", newline="\n")
     with atomic_write(ipynb) as temporary:
         temporary.write_bytes(content)
     return ipynb
 
 
 def fingerprint(notebook: NotebookNode) -> str:
-    """A hash of what a reader can write: the cells' types, sources and tags."""
+    """A hash of the cells' types, sources and tags."""
     return hashlib.sha256(json.dumps(_written(notebook)).encode()).hexdigest()[:16]
 
 
@@ -139,9 +165,9 @@ def _written(notebook: NotebookNode) -> list[tuple]:
 
 
 def edits(md: Path) -> str:
-    """The cells in which a pair differs where its twin was edited, in words; or nothing.
+    """The cells in which a pair differs because its twin was edited, in words; else empty.
 
-    A twin that is as this module wrote it holds nothing of a reader's: only the source is new.
+    A twin that is unchanged since this module wrote it has no edits: only the source is new.
     """
     twin = _twin(md)
     if twin is None or twin.metadata.get(STAMP, {}).get("cells") == fingerprint(twin):
@@ -160,13 +186,17 @@ def edits(md: Path) -> str:
 
 
 def _twin(md: Path) -> NotebookNode | None:
-    """A chapter's twin, if there is one."""
+    """A chapter's twin, if there is one.
+
+    Raises:
+        ArtefactError: the file is not a notebook.
+    """
     ipynb = md.with_suffix(".ipynb")
     if not ipynb.exists():
         return None
     try:
         return nbformat.read(ipynb, as_version=4)
-    except Exception as error:  # what is no notebook fails in many ways
+    except Exception as error:  # a file that is not a notebook can fail with any error
         raise ArtefactError(
             f"{ipynb} is no notebook ({type(error).__name__}); if nothing in it matters, write it "
             f"anew: run.py notebooks {md.stem} --from md"
@@ -174,7 +204,11 @@ def _twin(md: Path) -> NotebookNode | None:
 
 
 def refuse_edited(mds: list[Path]) -> None:
-    """Raise `ArtefactError` where a twin holds what a reader wrote and its source lacks."""
+    """Check that no twin has cells that a reader wrote and the source lacks.
+
+    Raises:
+        ArtefactError: one has.
+    """
     found = {md: words for md in mds if (words := edits(md))}
     if found:
         raise ArtefactError("\n".join(
@@ -185,7 +219,11 @@ def refuse_edited(mds: list[Path]) -> None:
 
 
 def take_cells(md: Path) -> None:
-    """Write a chapter's source from its twin: the twin's cells below the source's own header."""
+    """Write a chapter's source from the cells of its twin. The source's header stays.
+
+    Raises:
+        ArtefactError: the twin is missing.
+    """
     twin = _twin(md)
     if twin is None:
         raise ArtefactError(f"{md.with_suffix('.ipynb')} is missing, so nothing is taken from it.")
@@ -198,7 +236,10 @@ def take_cells(md: Path) -> None:
 
 
 def compare(md: Path, ipynb: Path) -> list[str]:
-    """Where a pair differs in its cells' types, sources or tags, in words; outputs do not count."""
+    """The differences of a pair in its cells' types, sources or tags, in words.
+
+    Outputs do not count.
+    """
     sources, twins = read(md).cells, nbformat.read(ipynb, as_version=4).cells
     differences = []
     if len(sources) != len(twins):
@@ -213,20 +254,24 @@ def compare(md: Path, ipynb: Path) -> list[str]:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py notebooks`."""
     made = argparse.ArgumentParser(
         prog="run.py notebooks", description="Run chapters and write their .ipynb twins."
     )
-    made.add_argument("names", nargs="*", metavar="NAME", help="chapters, such as 01_simulation")
+    made.add_argument(
+        "names", nargs="*", metavar="NAME", help="chapters or pages in depth, such as 01_simulation"
+    )
     made.add_argument("--from", dest="side", choices=("md", "ipynb"),
                       help="whose cells to keep where the .ipynb alone was edited")  # fmt: skip
     return made
 
 
 def main(argv: list[str]) -> int:
+    """Write the twins; returns the exit code."""
     args = parser().parse_args(argv)
     book = Path("book")
     try:
-        chosen = chapter_files(book, args.names)
+        chosen = notebook_files(book, args.names)
         if args.side is None:
             refuse_edited(chosen)
         if line := notice(book):

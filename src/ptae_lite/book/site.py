@@ -1,7 +1,7 @@
 """Run every chapter and build the site: `python3 run.py book`.
 
-The new site is built beside the old one and takes its place when Sphinx has come to its end; a
-build that is stopped leaves the old one as it was. What Sphinx and the kernels say goes to a log.
+The new site is built beside the old one, and replaces it when Sphinx has ended. A build that is
+stopped leaves the old one as it was. The output of Sphinx and of the kernels goes to a log.
 """
 
 from __future__ import annotations
@@ -36,9 +36,13 @@ KILLED = (
 
 
 def build(out, book=ROOT / "book", show: Callable = lambda name, chapter: None) -> dict | None:
-    """Build into `out`/html; the chapters' seconds and tracebacks, or None without an end.
+    """Build into `out`/html.
 
-    `show` is called with the name and the seconds and traceback of each chapter as it ends.
+    Args:
+        show: called with name, seconds and traceback of each chapter when it ends.
+
+    Returns:
+        seconds and tracebacks of the chapters, and Sphinx's exit code; None if Sphinx did not end.
 
     Raises:
         FileError: another run builds into the same folder.
@@ -46,7 +50,7 @@ def build(out, book=ROOT / "book", show: Callable = lambda name, chapter: None) 
     out = Path(out)
     with file_lock(out / "html"):
         work, done = out / "html.part", out / "html"
-        (out / TIMES).unlink(missing_ok=True)  # nothing of an earlier run may be taken for this one
+        (out / TIMES).unlink(missing_ok=True)  # of an earlier run
         shutil.rmtree(work, ignore_errors=True)
         work.mkdir()
         # A fresh environment makes Sphinx read, and so execute, every chapter; two at a time.
@@ -65,7 +69,11 @@ def build(out, book=ROOT / "book", show: Callable = lambda name, chapter: None) 
 
 
 def run(command: list[str], log: Path, ended: Path, show: Callable) -> int:
-    """Run Sphinx with its output in `log`; show the chapters that stand in `ended` meanwhile."""
+    """Run Sphinx with its output in `log`, and show each chapter that appears in `ended`.
+
+    Returns:
+        Sphinx's exit code.
+    """
     log.parent.mkdir(parents=True, exist_ok=True)
     start, shown = time.monotonic(), 0
     with (
@@ -74,7 +82,7 @@ def run(command: list[str], log: Path, ended: Path, show: Callable) -> int:
     ):
         try:
             while True:
-                status = process.poll()  # before the last look, which then misses none
+                status = process.poll()  # asked first, so that the last look misses none
                 for name, chapter in chapters(ended)[shown:]:
                     clock("")
                     show(name, chapter)
@@ -90,24 +98,24 @@ def run(command: list[str], log: Path, ended: Path, show: Callable) -> int:
 
 
 def chapters(ended: Path) -> list[list]:
-    """Name, and seconds and traceback, of each chapter that has ended; half a line is none yet."""
+    """Name, seconds and traceback of each chapter that has ended, without an unfinished line."""
     text = ended.read_text(encoding="utf-8") if ended.exists() else ""
     return [json.loads(line) for line in text.splitlines(keepends=True) if line.endswith("\n")]
 
 
 def kernel_was_killed(log: Path) -> bool:
-    """Whether the system ended a chapter's kernel, which Sphinx does not survive."""
+    """Whether the system killed a chapter's kernel. Sphinx then stops."""
     return log.exists() and "DeadKernelError" in log.read_text(encoding="utf-8", errors="replace")
 
 
 def clock(text: str) -> None:
-    """The one line of a terminal that changes; nothing where the output is kept."""
+    """Write the line of a terminal that changes; nothing if the output is not a terminal."""
     if sys.stdout.isatty():
         print(f"\r{text:<60}\r", end="", flush=True)
 
 
 def chapter_lines(name: str, chapter: dict) -> list[str]:
-    """What a chapter took, and for one that failed the end of its traceback."""
+    """How long a chapter took, and the end of its traceback if it failed."""
     state = "FAILED after" if chapter["traceback"] else "ran in"
     tail = (chapter["traceback"] or "").strip().splitlines()[-TAIL:]
     seconds = chapter["seconds"] or 0
@@ -115,6 +123,7 @@ def chapter_lines(name: str, chapter: dict) -> list[str]:
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py book`."""
     made = argparse.ArgumentParser(prog="run.py book", description=__doc__.split(":")[0] + ".")
     made.add_argument("--tier", choices=run_mode.TIERS, help="stored results, short or full runs")
     made.add_argument("--out", type=as_called, default=Path("build"), help="folder that gets html/")
@@ -125,6 +134,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
+    """Build the site; returns the exit code."""
     options = parser().parse_args(arguments)
     log = Path(options.out, LOG)
     if options.tier:

@@ -1,4 +1,4 @@
-"""Is this clone sound? Unit tests, and every notebook: `python3 run.py test`."""
+"""Run the unit tests and every notebook: `python3 run.py test`."""
 
 from __future__ import annotations
 
@@ -12,20 +12,24 @@ import tomllib
 from pathlib import Path
 from xml.etree import ElementTree
 
+from ptae_lite.book.chapters import IN_DEPTH
 from ptae_lite.book.finding import ROOT, starter
 from ptae_lite.pipes import piped
 from ptae_lite.run_mode import TIERS
 
-EXTRAS = ("bert", "cluster", "course")  # of pyproject.toml, what some of all tests need
+EXTRAS = ("bert", "cluster", "course")  # extras of pyproject.toml that some tests need
 EXTRAS_STAMP = Path(".venv", "extras.sha256")
 NOT_QUICK = ("browser", "stops", "slow", "extras")  # markers of tests that only --all runs
-WORKERS = 8  # at most: each takes half a GB, and the longest file decides how long it takes
+WORKERS = 8  # at most: each takes half a GB, and more save no time beside the longest file
 
 
 def call(module: str, *arguments, log: str | None = None) -> int:
-    """Run a module in the repository and wait for it; Ctrl-C is for it to answer.
+    """Run a module in the repository and wait for it; returns its exit code.
 
-    What it says on the error stream goes to build/logs/LOG.log where a name is given.
+    The module handles Ctrl-C itself.
+
+    Args:
+        log: write its error stream to build/logs/LOG.log.
     """
     command = [sys.executable, "-m", module, *map(str, arguments)]
     if log:
@@ -43,11 +47,12 @@ def call(module: str, *arguments, log: str | None = None) -> int:
 
 
 def build_book() -> int:
+    """Build the site; returns the exit code."""
     return call("ptae_lite.book.site")
 
 
 def ensure_extras(root: Path = ROOT) -> None:
-    """Install what the extras bring into .venv/; what environment.txt pins stays as it is."""
+    """Install the packages of the extras into .venv/. The pins of environment.txt stay."""
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     wanted = [one for extra in EXTRAS for one in project["optional-dependencies"][extra]]
     pinned = (root / "environment.txt").read_text(encoding="utf-8")
@@ -66,23 +71,26 @@ def ensure_extras(root: Path = ROOT) -> None:
 
 
 def cores() -> int:
+    """How many cores this process may use."""
     usable = getattr(os, "sched_getaffinity", lambda _: range(os.cpu_count() or 1))
     return len(usable(0))
 
 
 def phases(everything: bool) -> dict[str, list[str]]:
-    """What pytest is given for each group of tests, in the order in which they run."""
-    # The tests of a file share what is costly, the cells of a notebook a kernel: one worker's.
+    """The arguments of pytest for each group of tests, in order."""
+    # One worker takes a whole file: its tests share costly things, and its cells share a kernel.
     together, names = ["--dist", "loadfile"], [f"not {name}" for name in NOT_QUICK]
     nbval = ["--nbval-lax", "--nbval-cell-timeout=300"]
+    if not everything:
+        nbval.append(f"--ignore=book/{IN_DEPTH}")
     found = {"unit tests": ["-m", "not browser" if everything else " and ".join(names), *together]}
-    if everything:  # pages are looked at one by one, by the worker that is free
+    if everything:  # each page goes to the next free worker
         found["pages in a browser"] = ["-m", "browser", "--dist", "worksteal"]
     return found | {"cells of notebooks": [*nbval, *together, "book"]}
 
 
 def counts(junit: Path) -> str:
-    """How many tests a file of results counts; nothing where pytest did not come to its end."""
+    """How many tests failed, passed or were skipped; empty if pytest did not end."""
     if not junit.exists():
         return ""
     suite = next(ElementTree.parse(junit).iter("testsuite")).attrib
@@ -93,18 +101,23 @@ def counts(junit: Path) -> str:
 
 
 def run_phase(name: str, options: list[str]) -> tuple[int, str]:
-    """How pytest ended in a phase, and how many tests it ran or where that is said."""
+    """Run a group of tests; returns pytest's exit code, and the counts or the name of the log."""
     file = name.split()[0]
     junit = ROOT / "build" / f"junit-{file}.xml"
     junit.unlink(missing_ok=True)  # of an earlier run
     print(f"\n{name.capitalize()} ...", flush=True)
     pytest = ["-rs", "-q", "--no-header", "--tb=short", "-n", min(cores(), WORKERS)]
-    # Kernels and workers say on the error stream what concerns no reader.
+    # Messages of kernels and workers on the error stream are of no use to a reader.
     status = call("pytest", *pytest, f"--junitxml={junit}", *options, log=file)
     return status, counts(junit) or f"see build/logs/{file}.log"
 
 
 def run_phases(everything: bool) -> int:
+    """Run all groups of tests; returns 0 if all passed.
+
+    Args:
+        everything: also the tests that `--all` adds.
+    """
     start, results = time.monotonic(), {}
     if everything:
         ensure_extras()
@@ -115,12 +128,13 @@ def run_phases(everything: bool) -> int:
     print(f"\n{'FAILED' if failed else 'Passed'} in {(time.monotonic() - start) / 60:.1f} min: "
           + "; ".join(f"{name} {'FAILED ' * bool(status)}{said}".strip()
                       for name, (status, said) in results.items())
-          + ("." if everything else f". Left out: tests marked {', '.join(NOT_QUICK)}; "
-             f"{starter()} test --all runs them, too."))  # fmt: skip
+          + ("." if everything else f". Left out: tests marked {', '.join(NOT_QUICK)}, and the "
+             f"cells of the pages in depth; {starter()} test --all runs them, too."))  # fmt: skip
     return 1 if failed else 0
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py test`."""
     made = argparse.ArgumentParser(
         prog="run.py test", description=__doc__.split(":")[0] + ".",
         usage="run.py test [-h] [--tier TIER] [--all]\n       run.py test [--tier TIER] -- ARGS",
@@ -132,6 +146,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
+    """Run the tests; returns 0 if all passed."""
     own = sys.argv[1:] if arguments is None else list(arguments)
     extra = []
     if "--" in own:

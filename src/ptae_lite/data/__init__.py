@@ -1,1 +1,1 @@
-"""The recorded samples: loaded, split, scaled, and wired to the task signals in batches."""
+"""The recorded samples: loading, splits, scaling, task signals and batches."""

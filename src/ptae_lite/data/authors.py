@@ -1,9 +1,9 @@
-"""The authors' published data, read as it lies on disk, every file checked.
+"""The authors' published data: read from disk, and every file checked.
 
-FOLDER holds index files and `target/STREAM_PART/RECORDING/targetNNNNNN.txt`: a text matrix for
-each stream (`behavior`, `vision`, `language`), part (`train`, `test`), recording and pattern
-NNNNNN. The layout is that of the PTAE paper's repository; what we know of it was taken from the
-files. They carry no licence, so none of them is kept here.
+A folder holds index files and `target/STREAM_PART/RECORDING/targetNNNNNN.txt`. This is a text
+matrix for each stream (`behavior`, `vision`, `language`), part (`train`, `test`), recording and
+pattern NNNNNN. The layout is that of the PTAE paper's repository. The files have no licence, so
+this project keeps none of them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from ptae_lite.errors import RecordingError
 from ptae_lite.language import VOCABULARY, Pattern, decode, encode, patterns, sentence
 
-# Their six repetitions of all patterns, by date: our variations 0 to 5.
+# The authors recorded all patterns six times; a folder has the date. They are variations 0 to 5.
 RECORDINGS = ("201207", "201223", "210107", "210115", "210129", "210203")
 WIDTH = {"behavior": 5, "vision": 30, "language": len(VOCABULARY)}  # numbers a line
 SENTENCE_ROWS = 5  # BOS, action, colour, speed, EOS
@@ -26,37 +26,47 @@ SENTENCE_ROWS = 5  # BOS, action, colour, speed, EOS
 
 @dataclass(frozen=True)
 class Published:
-    """The clips of a folder one after another, pattern by pattern: R frames of S samples."""
+    """The clips of a folder, one after another in the order of the patterns: R frames of S samples.
 
-    joints: Float[np.ndarray, "R 5"]  # each in its own unit: 0 to 1 over the whole data set
-    features: Float[np.ndarray, "R 30"]  # as published: 10 each of their red, green and blue CAE
+    Attributes:
+        joints: 0 to 1; the authors scaled each joint over the whole data set.
+        features: as published: 10 numbers each of the red, the green and the blue CAE.
+        frames: clip lengths.
+        pattern: pattern indices.
+        variation: 0 to 5.
+    """
+
+    joints: Float[np.ndarray, "R 5"]
+    features: Float[np.ndarray, "R 30"]
     frames: Int[np.ndarray, " S"]
     pattern: Int[np.ndarray, " S"]
     variation: Int[np.ndarray, " S"]
 
 
 def is_authors(folder) -> bool:
-    """Is this a folder in their layout (does it hold `target/`)?"""
+    """Whether a folder has the authors' layout: whether it holds `target/`."""
     return (Path(folder) / "target").is_dir()
 
 
 def parts(folder) -> tuple[str, ...]:
-    """What the folder holds: `train` and `test`, or `train` alone."""
+    """The parts in the folder: `train` and `test`, or `train` alone."""
     target = Path(folder) / "target"
     complete = any((target / f"{stream}_test").exists() for stream in WIDTH)
     return ("train", "test") if complete else ("train",)
 
 
 def read(folder) -> Published:
-    """Read and check all files: 108 training and, where there, 36 test patterns, six times each.
+    """Read and check all files of a folder.
 
-    Joints lie in 0 to 1, features are finite, a clip has the frames of its pattern's speed (100 or
-    50) in both, and the language file holds the eight sentences of the pattern, in order, one-hot.
-    The index files must agree with our table of patterns. `vocabulary.txt` may be left out: the
-    language files are held against our words anyway.
+    A complete folder has 108 training and 36 test patterns, six times each. Joints must be 0 to 1,
+    and features finite. Joints and features must have as many frames as the speed of the pattern
+    asks for (100 or 50). The language file must hold the eight sentences of the pattern, in order,
+    one-hot. The index files must agree with our table of patterns. `vocabulary.txt` may be missing,
+    because the language files are checked against our words.
 
     Raises:
-        RecordingError: what is wrong, with the file and, where there is one, the line.
+        RecordingError: a file is missing or wrong. The message names the file and, if there is one,
+            the line.
     """
     folder = Path(folder)
     _check_index_files(folder)
@@ -100,7 +110,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _check_names(target: Path, part: str) -> None:
-    """Every recording has one file for each pattern of the part, and no other pattern's."""
+    """Check that each recording has one file for each pattern of the part, and no other files."""
     wanted = {_name(p) for p in patterns() if p.split == part}
     for stream in WIDTH:
         for recording in RECORDINGS:
@@ -118,7 +128,7 @@ def _check_names(target: Path, part: str) -> None:
 
 
 def _check_index_files(folder: Path) -> None:
-    """`actions.txt`, `arrangements.txt`, `descriptions.txt` say what our table of patterns says."""
+    """Check `actions.txt`, `arrangements.txt` and `descriptions.txt` against our patterns."""
     speeds, all_patterns = {"slowly": "SLOW", "fast": "FAST"}, patterns()
     wanted = {
         "actions.txt": [
@@ -157,7 +167,7 @@ def _matrix(path: Path, height: int, width: int, why: str) -> Float[np.ndarray, 
         return _numbers(rows)
     except ValueError:
         pass
-    for number, row in enumerate(rows, 1):  # which of them was it?
+    for number, row in enumerate(rows, 1):  # find the line, for the message
         try:
             _numbers(row)
         except ValueError as error:
@@ -165,12 +175,12 @@ def _matrix(path: Path, height: int, width: int, why: str) -> Float[np.ndarray, 
 
 
 def _numbers(texts: list) -> np.ndarray:
-    with np.errstate(over="ignore"):  # too large a number is infinite, and refused as that
+    with np.errstate(over="ignore"):  # infinity is refused by the caller
         return np.array(texts, dtype=np.float32)
 
 
 def _frames(path: Path, p: Pattern, width: int) -> Float[np.ndarray, "T width"]:
-    """One line a frame. Held against the pattern, so joints and vision agree with each other."""
+    """A matrix with one line a frame, as many as the pattern has."""
     return _matrix(path, p.frames, width, f"a clip of pattern {p.index} ({p.speed})")
 
 

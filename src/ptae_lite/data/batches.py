@@ -1,8 +1,8 @@
-"""The batches of a training: which samples, with which signals, and every other random draw.
+"""The batches of a training: the samples, their signals, and every other random draw.
 
-Signals are mixed within a batch: every sample draws its own, so a step learns all tasks at once
-(ours; the published code has one signal a batch, batches of 6, and 270,000 steps). Only labelled
-samples ever take part in a supervised signal.
+Each sample of a batch draws its own signal, so one step learns all tasks (ours; the published code
+has one signal a batch, batches of 6, and 270,000 steps). Only labelled samples take part in a
+supervised signal.
 """
 
 from __future__ import annotations
@@ -28,18 +28,22 @@ def draw_signals(
     """A signal number for each of `count` samples.
 
     Args:
-        supervised: the probability that a sample takes a signal of the second group, else of the
-            first; one number for all, or one a sample (0 and 1 then fix its group).
-        groups: two groups of signal names; within a group each is equally likely.
+        supervised: the probability that a sample takes a signal of the second group instead of the
+            first. One number for all samples, or one for each (0 and 1 then choose its group).
+        groups: two groups of signal names. All signals of a group are equally likely.
     """
-    width = lcm(*map(len, groups))  # a group fills its row by repeating itself
+    width = lcm(*map(len, groups))  # groups are repeated to rows of equal width
     rows = [[signal_number(s) for s in group] * (width // len(group)) for group in groups]
     row = (rng.random(count) < supervised).astype(int)
     return torch.from_numpy(np.array(rows)[row, rng.integers(0, width, count)])
 
 
 def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
-    """Shares (B,) from 0.5 to 1, and a partner (B,) of the same signal for each sample."""
+    """Draw the weights and the partners of `signals.mixup`.
+
+    Returns:
+        Shares (B,), uniform from 0.5 to 1, and for each sample a partner (B,) with the same signal.
+    """
     share, partner = rng.uniform(0.5, 1.0, len(signals)), np.arange(len(signals))
     for signal in signals.unique().numpy():
         same = np.flatnonzero(signals.numpy() == signal)
@@ -50,10 +54,16 @@ def draw_partners(rng: np.random.Generator, signals: Int[Tensor, " B"]):
 def draw_videos(
     rng: np.random.Generator, part, videos: dict, scaling: Scaling
 ) -> dict[int, Tensor]:
-    """Another video for some samples of a batch: place in the batch to scaled features (99, F).
+    """Draw another video for some samples of a batch.
 
-    Each sample's recorded video and its others (`videos`, raw features by sample number) are drawn
-    with equal chance; where the recorded one is drawn, the place is left out.
+    A sample's recorded video and each of its other videos are equally likely.
+
+    Args:
+        part: sample numbers of the batch.
+        videos: sample number to its other videos: raw features (99, F).
+
+    Returns:
+        Place in the batch to scaled features (99, F), for the places where another video was drawn.
     """
     drawn = {}
     for place, sample in enumerate(part):
@@ -70,11 +80,13 @@ def epoch_batches(
 ):
     """Yield the batches of one epoch: sample numbers (B,) and signal numbers (B,).
 
-    If all samples have a label (`labelled` is None), each sample appears once and draws any
-    signal. Otherwise labelled samples take the signals that need a label, the others the rest.
-    With `recipe.balanced`, half of every batch is drawn from the labelled samples and half from
-    the others in turn. Without it each sample appears once, so the share of supervised updates is
-    the share of labelled samples.
+    If all samples have a label (`labelled` is None), each sample draws any signal. Otherwise
+    labelled samples take the signals that need a label, and the others take the rest.
+
+    With few labels and `recipe.balanced`, half of every batch is drawn from the labelled samples
+    and half from the others in turn. In all other cases the samples are shuffled and each appears
+    at most once; the last ones, too few for a batch, are left out. The share of supervised updates
+    is then about the share of labelled samples.
     """
     if labelled is None or not recipe.balanced:
         order = rng.permutation(train)
@@ -85,7 +97,7 @@ def epoch_batches(
         return
     unlabelled, taken = rng.permutation(np.setdiff1d(train, labelled)), 0
     for i in range(max(len(train) // recipe.batch, 1)):
-        half = (recipe.batch + i % 2) // 2  # an odd batch gives its odd one to each in turn
+        half = (recipe.batch + i % 2) // 2  # odd batches: one more, by turns
         mine = rng.choice(labelled, half, replace=len(labelled) < half)
         rest = recipe.batch - half
         others = np.take(unlabelled, np.arange(taken, taken + rest), mode="wrap")
@@ -95,25 +107,32 @@ def epoch_batches(
 
 
 class TrainingBatch(NamedTuple):
-    """One step's batch, and where its labels count."""
+    """The batch of one training step.
+
+    Args:
+        inputs: inputs and targets.
+        paired: samples with a label: the model may use that sentence and clip belong together.
+        supervised: number of labelled samples that drew a signal which needs the label.
+    """
 
     inputs: Batch
-    paired: Bool[Tensor, " B"]  # samples with a label: their sentence and clip belong together
-    supervised: int  # how many of them drew a signal that needs the label
+    paired: Bool[Tensor, " B"]
+    supervised: int
 
 
 class Batches:
-    """The batches of a training, epoch by epoch. All draws but the network's own are made here.
+    """The batches of a training, epoch by epoch. It makes all random draws except those of the
+    network.
 
-    Draws are made on the CPU by a generator of their own, so that a seed gives the same batches
-    everywhere. Their order is part of what a seed means: a change of it changes every training.
+    The draws come from one generator on the CPU, so a seed gives the same batches on every device.
+    Their order must not change: another order would change every training.
 
     Args:
         indices: the samples to train on.
         labelled: the samples whose labels may be used; all of `indices` if None.
-        groups: signals without and with need of a label, in the order of `Mix`.
+        groups: two groups of signals, one of the pairs of a `Mix`.
         need_label: names of the signals that need a label.
-        videos: by sample number, other videos (99, F) before scaling, see `draw_videos`.
+        videos: sample number to other videos, raw features (99, F); see `draw_videos`.
     """
 
     def __init__(
@@ -127,13 +146,13 @@ class Batches:
         self.with_label = indices if labelled is None else labelled
         self.without_label = indices if labelled is None else np.setdiff1d(indices, labelled)
         self.rng = np.random.default_rng(recipe.seed)
-        self.count = len(self._parts())  # of an epoch; this drawn epoch is not trained on
+        self.count = len(self._parts())  # this epoch is only drawn to count its batches
 
     def _parts(self) -> list:
         return list(epoch_batches(self.rng, self.indices, self.labelled, self.recipe, self.groups))
 
     def epoch(self) -> Iterator[TrainingBatch]:
-        """The batches of the next epoch."""
+        """Yield the batches of the next epoch."""
         for part, signals in self._parts():
             yield self._batch(part, signals)
 
@@ -159,9 +178,10 @@ class Batches:
         return TrainingBatch(batch, torch.from_numpy(paired), supervised)
 
     def _sentences_of(self, part: np.ndarray, signals: Tensor) -> np.ndarray:
-        """Whose sentence each sample is given: its own.
+        """The sample whose sentence each sample is given: itself.
 
-        If the recipe is `shuffle_scenes`, repeat language takes that of any sample without a label.
+        With `recipe.shuffle_scenes`, *repeat language* takes the sentence of a random sample
+        without a label (of any sample if all have labels).
         """
         if not self.recipe.shuffle_scenes:
             return part

@@ -1,7 +1,8 @@
-"""A choice of recorded frames as small PNGs in one zip file, for the live parts of the book.
+"""A selection of recorded frames, stored as small PNGs in one zip file.
 
-The whole recording has 64,800 frames; a reader who has no simulator gets some two thousand: first,
-middle and last frames of the samples, and one video of each of the 12 actions.
+The whole recording has 64,800 frames. The book stores about two thousand of them, for readers
+without a simulator: two frames of each sample, and 26 frames of one video for each of the 12
+actions.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ _NAME = re.compile(r"p(\d{3})_v(\d)_t(\d{2,3})\.png")
 
 
 def video_patterns() -> tuple[int, ...]:
-    """One training pattern for each of the 12 actions, arrangements taken in turn."""
+    """One training pattern for each of the 12 actions, each in another arrangement."""
     chosen: dict[int, int] = {}
     for p in patterns():
         used = {(patterns()[i].left, patterns()[i].right) for i in chosen.values()}
@@ -37,13 +38,13 @@ def video_patterns() -> tuple[int, ...]:
 
 
 def choice() -> list[tuple[int, int, int]]:
-    """Which frames are stored: (pattern, variation, frame)."""
+    """Which frames are stored: (pattern, variation, frame), sorted."""
     keep = set()
     videos = video_patterns()
     for p in patterns():
         for variation in range(VARIATIONS):
             keep.add((p.index, variation, 0))
-            # a moment during the action, another in each variation
+            # a frame during the action; each variation has another one
             moment = (0.25 + 0.1 * variation) * p.frames
             keep.add((p.index, variation, int(moment)))
         if p.index in videos:
@@ -53,7 +54,12 @@ def choice() -> list[tuple[int, int, int]]:
 
 
 def write(folder) -> Path:
-    """Write `frames.zip` into a recording's folder, the same bytes each time."""
+    """Write `frames.zip` into a recording's folder. The same recording gives the same bytes.
+
+    Raises:
+        RecordingError: a sequence is missing or damaged.
+        FileError: the file cannot be written.
+    """
     from ptae_lite.robot.recorder import load_sequence
 
     path, last, images = Path(folder) / "frames.zip", None, None
@@ -79,19 +85,23 @@ def _open(path: Path) -> dict[tuple[int, int, int], bytes]:
                 tuple(int(part) for part in _NAME.fullmatch(name).groups()): file.read(name)
                 for name in file.namelist()
             }
-    except AttributeError:  # a name that is none of ours has no groups
+    except AttributeError:  # another name does not match
         raise RecordingError(f"{path} holds more than frames, so it is not of ours") from None
     except (zipfile.BadZipFile, OSError, EOFError) as error:
         raise RecordingError(f"{path} is damaged ({error}); make it again: {MAKE}") from None
 
 
 def stored_keys() -> list[tuple[int, int, int]]:
-    """All stored frames as (pattern, variation, frame)."""
+    """All stored frames as (pattern, variation, frame), sorted."""
     return sorted(_open(artefacts.stored(STORED)))
 
 
 def frame(pattern: int, variation: int, t: int) -> np.ndarray:
-    """One stored frame (120, 160, 3). Raises `RecordingError` where it is not stored."""
+    """One stored frame (120, 160, 3) of bytes.
+
+    Raises:
+        RecordingError: the frame is not stored, or is damaged.
+    """
     frames = _open(artefacts.stored(STORED))
     if (pattern, variation, t) not in frames:
         there = [key[2] for key in frames if key[:2] == (pattern, variation)]
@@ -108,23 +118,30 @@ def frame(pattern: int, variation: int, t: int) -> np.ndarray:
 
 
 def images(keys) -> np.ndarray:
-    """Several stored frames (M, 120, 160, 3)."""
+    """Several stored frames (M, 120, 160, 3) of bytes; `keys` are (pattern, variation, frame).
+
+    Raises:
+        RecordingError: a frame is not stored, or is damaged.
+    """
     from ptae_lite.robot.recorder import IMAGE
 
-    found = np.empty((len(keys), *IMAGE), np.uint8)  # there is no need to have them twice
+    found = np.empty((len(keys), *IMAGE), np.uint8)  # filled in place: a stack would copy them
     for place, key in zip(found, keys, strict=True):
         place[:] = frame(*key)
     return found
 
 
 class Images:
-    """Stored frames that stay compressed until they are asked for; decoded, all take 114 MB.
+    """Stored frames that are decoded when they are asked for. Decoded, all of them take 114 MB.
 
-    They are indexed as an array (M, 120, 160, 3) is along its first axis.
+    Index them like an array (M, 120, 160, 3) along its first axis.
+
+    Args:
+        keys: M rows of pattern, variation, frame.
     """
 
     def __init__(self, keys):
-        self.keys = np.asarray(keys)  # (M, 3): pattern, variation, frame
+        self.keys = np.asarray(keys)
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -135,16 +152,21 @@ class Images:
 
 
 def training_images(folder, every: int = 3) -> np.ndarray:
-    """Images of the training patterns in a recording, each `every`-th frame, first ones included.
+    """Images (M, 120, 160, 3) of the training patterns of a recording.
 
-    Neighbouring frames are nearly alike: a third of them (0.9 GB) trains as well as all.
+    Args:
+        every: take each `every`-th frame, the first one included. Neighbouring frames are nearly
+            the same: a third of them (0.9 GB) trains as well as all.
+
+    Raises:
+        RecordingError: the folder is not a recording of ours, or a sequence is missing or damaged.
     """
     from ptae_lite.robot.recorder import IMAGE, check_ours, load_sequence
 
     check_ours(folder, same_scene=False)
     chosen = [(p, v) for p in patterns() if p.split == "train" for v in range(VARIATIONS)]
     ends = np.cumsum([len(range(0, p.frames, every)) for p, _ in chosen])
-    images = np.empty((ends[-1], *IMAGE), np.uint8)  # there is no room for them twice
+    images = np.empty((ends[-1], *IMAGE), np.uint8)  # filled in place: a copy takes another 0.9 GB
     for (p, variation), part in zip(chosen, np.split(images, ends[:-1]), strict=True):
         part[:] = load_sequence(folder, p.index, variation).images[::every]
     return images

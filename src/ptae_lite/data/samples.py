@@ -1,7 +1,7 @@
-"""The 864 samples as arrays: load, check, split.
+"""The 864 samples as arrays: load and check.
 
-`load_samples` reads our recording (or a re-made one, or the authors' published folder) into
-`Samples`, raw and zero-padded to 100 frames. `scaling` brings them to a network's units.
+`load_samples` reads a recording of ours or the authors' published folder into `Samples`. These are
+raw numbers, padded with zeros to 100 frames. `scaling` then brings them to the units of a network.
 """
 
 from __future__ import annotations
@@ -29,54 +29,73 @@ AUTHORS = "authors"  # the encoder of the published features; its weights are no
 
 @dataclass(frozen=True)
 class Samples:
-    """All samples of a data set, raw. S samples, zero-padded to T = 100 frames."""
+    """All S samples of a data set, raw, padded with zeros to T = 100 frames.
 
-    joints: Float[np.ndarray, "S 100 5"]  # radians in our recording; 0 to 1 in the authors' data
+    Attributes:
+        joints: radians in our recording; 0 to 1 in the authors' data.
+        features: what the image encoder makes of each frame.
+        frames: clip lengths, 50 or 100.
+        pattern: pattern indices, 0 to 143.
+        variation: 0 to 5.
+        encoder: which encoder made the features: the hash of its weights, or `authors`.
+        cubes: poses of the two cubes: position in metres, quaternion; None in the authors' data.
+        touched: whether the arm touched each cube; None in the authors' data.
+        holdout: number of training patterns that replace a missing test part; None if there is one.
+    """
+
+    joints: Float[np.ndarray, "S 100 5"]
     features: Float[np.ndarray, "S 100 F"]
-    frames: Int[np.ndarray, " S"]  # clip lengths
+    frames: Int[np.ndarray, " S"]
     pattern: Int[np.ndarray, " S"]
     variation: Int[np.ndarray, " S"]
-    encoder: str  # which CAE made the features: the hash of its weights, or `authors`
+    encoder: str
     cubes: Float[np.ndarray, "S 100 2 7"] | None = None
     touched: Bool[np.ndarray, "S 100 2"] | None = None
-    holdout: int | None = None  # so many training patterns stand in for a missing test part
+    holdout: int | None = None
 
     def split(self, name: str) -> Int[np.ndarray, " M"]:
-        """Sample numbers of `train` (648), `test` (216), `held_out` or `fit`.
+        """Sample numbers of a split: `train` (648), `test` (216), `held_out` (96) or `fit` (552).
 
-        `held_out` is 16 training patterns (96 samples) on which settings and stopping are
-        chosen; `fit` is the rest of the training samples. With `holdout`, `test` is that many
-        training patterns (`splits.holdout_patterns`), which then belong to no other split.
+        Settings and the time to stop are chosen on `held_out`, 16 of the training patterns; `fit`
+        is the rest of the training samples. With `holdout`, `test` is that many training patterns
+        (`splits.holdout_patterns`), and the other splits lose them.
+
+        Raises:
+            ConfigError: there is no such split.
         """
         return np.flatnonzero(np.isin(self.pattern, patterns_of(name, self.holdout)))
 
     @property
     def name(self) -> str:
-        """What a table of results calls them; stand-ins for a test part are named as such."""
+        """What tables call this data set; it says if training patterns replace the test part."""
         if self.encoder != AUTHORS:
             return "recording"
         return AUTHORS if self.holdout is None else f"{AUTHORS}, {self.holdout} held out"
 
     @cached_property
     def fingerprint(self) -> str:
-        """The name, and a hash of all that a training sees; of the numbers, not of a file."""
+        """The name, and a SHA-256 of everything that a training sees.
+
+        It is a hash of the numbers, not of a file.
+        """
         digest = hashlib.sha256()
         for array in (self.joints, self.features, self.frames, self.pattern, self.variation):
-            little = array.astype("<f4")  # exact for the whole numbers, which are small
+            little = array.astype("<f4")  # exact for small whole numbers
             digest.update(str(little.shape).encode() + little.tobytes())
         return f"{self.name} {digest.hexdigest()}"
 
 
 def load_samples(data="recording", holdout: int | None = None) -> Samples:
-    """All samples: of the stored recording, a folder that `record` made, or the authors' folder.
+    """All samples of the stored recording, of a recorded folder, or of the authors' folder.
 
     Args:
+        data: `recording` for the stored one, else a folder.
         holdout: for an authors' folder without its test part, see `load_authors`.
 
     Raises:
-        ArtefactError: a stored file is missing or damaged, or the features are another CAE's.
-        RecordingError: the folder is no recording of ours, or arrays disagree in length; or
-            it is the authors' and something in it is wrong.
+        ArtefactError: a stored file is missing or damaged, or another CAE made the features.
+        RecordingError: the folder is not a recording of ours, or its arrays disagree in length, or
+            a file of the authors' folder is wrong.
         ConfigError: `holdout` is given for data that have a test part.
     """
     if authors.is_authors(data):
@@ -90,14 +109,18 @@ def load_samples(data="recording", holdout: int | None = None) -> Samples:
 
 
 def load_unseen(recording) -> Samples:
-    """The samples of a folder that `record` made, before any encoder has looked: F is 0."""
+    """The samples of a folder that `record` made, before an encoder has made features: F is 0.
+
+    Raises:
+        RecordingError: the folder is not a recording of ours, or its arrays disagree in length.
+    """
     arrays = _recorded(recording, "samples.npz", "record")
     unseen = {"features": np.zeros((len(arrays.get("joints_rad", ())), 0)), "encoder": "none"}
     return _assemble(arrays, unseen, recording, None)
 
 
 def _recorded(folder, name: str, command: str) -> dict[str, np.ndarray]:
-    """A file of a recording's folder, and what makes it."""
+    """Read the file `name` of a recording's folder. `command` makes that file."""
     from ptae_lite.robot.recorder import check_ours
 
     check_ours(folder, same_scene=False)
@@ -108,7 +131,15 @@ def _recorded(folder, name: str, command: str) -> dict[str, np.ndarray]:
 
 
 def load_stored(data: Path | None = None) -> Samples:
-    """The samples of the stored recording, or of another folder of stored files than `data/`."""
+    """The samples of the stored recording.
+
+    Args:
+        data: a folder of stored files to use instead of `data/`.
+
+    Raises:
+        ArtefactError: a file is missing or damaged, or another CAE made the features.
+        RecordingError: arrays disagree in length.
+    """
     arrays = artefacts.stored("recording/samples.npz", data)
     feature_file = artefacts.stored("recording/features.npz", data)
     encoder = artefacts.entry_of("weights/cae.safetensors", data)["sha256"]
@@ -116,19 +147,19 @@ def load_stored(data: Path | None = None) -> Samples:
 
 
 def load_authors(folder, holdout: int | None = None) -> Samples:
-    """The authors' published samples (864, or 648 of the training part alone), checked.
+    """The authors' published samples, checked: 864, or the 648 of the training part.
 
-    Joints are in their own unit: each was scaled to 0 to 1 over the whole data set, so the range
-    that NRMSE divides by is 1 by construction. There are no cube poses and no contacts.
+    Joints have no physical unit: the authors scaled each joint to 0 to 1 over the whole data set.
+    So the range that NRMSE divides by is 1. There are no cube poses and no contacts.
 
     Args:
         folder: holds `target/` and the index files; see `authors`.
-        holdout: where the folder has no test part, keep so many training patterns aside to stand
-            in for it. Scores on them are never scores on the paper's test set.
+        holdout: number of training patterns to keep aside as the test part, if the folder has none.
+            Scores on them are never scores on the paper's test set.
 
     Raises:
-        RecordingError: a file is missing or wrong (which, and the line), or the folder has no test
-            part and `holdout` is not given.
+        RecordingError: a file is missing or wrong (the message names file and line), or the folder
+            has no test part and `holdout` is not given.
         ConfigError: `holdout` is given for a folder with a test part, or is not 1 to 36.
     """
     complete = "test" in authors.parts(folder)
@@ -225,7 +256,10 @@ def _assemble(arrays: dict, features: dict, data, expected_encoder: str | None) 
 
 
 def with_features(samples: Samples, path) -> Samples:
-    """The same samples, seen by another encoder, whose features `write_features` wrote to `path`.
+    """The same samples with the features of another encoder.
+
+    Args:
+        path: a file that `write_features` wrote.
 
     Raises:
         RecordingError: the file is missing or damaged, or holds another number of frames.
@@ -246,9 +280,15 @@ def _pad(rows: np.ndarray, frames: np.ndarray) -> np.ndarray:
 
 
 def write_features(path, features: np.ndarray, encoder_file) -> None:
-    """Store features (M, F) of all frames, sample after sample, with the hash of their CAE.
+    """Store the features (M, F) of all frames, sample after sample, with the hash of their encoder.
 
-    Half precision: it changes no feature by more than 0.05 % and halves the file.
+    Half precision halves the file and changes no feature by more than 0.05 %.
+
+    Args:
+        encoder_file: the weights of the encoder.
+
+    Raises:
+        FileError: the file cannot be written.
     """
     encoder = hashlib.sha256(Path(encoder_file).read_bytes()).hexdigest()
     write_arrays(path, features=features.astype(np.float16), encoder=np.array(encoder))

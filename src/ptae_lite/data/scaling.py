@@ -1,6 +1,6 @@
-"""Samples in a network's units.
+"""Samples in the units of a network.
 
-`prepare` scales them with a `Scaling` that is fitted on training samples only.
+`prepare` scales all samples with a `Scaling`. The `Scaling` is fitted on training samples only.
 """
 
 from __future__ import annotations
@@ -13,19 +13,23 @@ from jaxtyping import Float
 from ptae_lite.data.samples import MAX_FRAMES, Samples
 from ptae_lite.errors import ConfigError
 
-JOINT_ROOM = 0.9  # joints lie in +-0.9: the home pose is at an extreme of some, tanh ends at 1
+JOINT_ROOM = 0.9  # joints lie in +-0.9, because tanh reaches 1 only in the limit
 FEATURE_SD = 0.5
 HALF_WHITE = 0.25  # exponent of the principal variances; chosen on held-out patterns
 
 
 @dataclass(frozen=True)
 class Scaling:
-    """The fixed linear maps in front of a model, and back.
+    """The fixed linear maps in front of a model, and their inverse for joints.
 
-    Joints: each by its own range over the training samples, to +-0.9. Features: minus their mean,
-    then a matrix that whitens them half-way (principal components, their spreads brought nearer to
-    each other). What names a colour is spread over components of small variance; so it is learnt as
-    soon as the rest (chapter 02). Ours; the published code scales all features by one range.
+    Joints: each joint's range over the training samples becomes -0.9 to 0.9.
+
+    Features: their mean is subtracted, then a matrix whitens them half-way. It turns them to their
+    principal components and makes the spreads of these more alike. The colour words depend on
+    components of small variance; without the whitening they are learnt later than the rest (chapter
+    02).
+
+    This is ours. The published code scales all features by one range.
     """
 
     joint_low: Float[np.ndarray, " 5"]
@@ -35,10 +39,11 @@ class Scaling:
 
     @property
     def joint_range(self) -> Float[np.ndarray, " 5"]:
+        """Highest minus lowest value of each joint over the training samples."""
         return self.joint_high - self.joint_low
 
     def joints(self, raw):
-        """Raw joints to network units (+-0.9)."""
+        """Raw joints to network units (-0.9 to 0.9 over the training samples)."""
         return JOINT_ROOM * (2 * (raw - self.joint_low) / self.joint_range - 1)
 
     def joints_back(self, scaled):
@@ -46,16 +51,21 @@ class Scaling:
         return (scaled / JOINT_ROOM + 1) / 2 * self.joint_range + self.joint_low
 
     def features(self, raw):
+        """Raw features to network units."""
         return (raw - self.feature_mean) @ self.feature_map
 
 
 def fit_scaling(samples: Samples, indices, exponent: float = HALF_WHITE) -> Scaling:
-    """Fit a `Scaling` on the valid frames of the samples `indices`.
+    """Fit a `Scaling` on the frames of some samples, padding left out.
 
-    Each principal component is divided by its variance to the power `exponent`: 0.5 whitens, 0
-    only rotates. Whitening fully makes the noise of the smallest components as loud as the rest;
-    in the authors' data their variances differ by a factor of 48,000. The joint
-    range is that of the samples `indices`; in the authors' data, which are scaled already, it is 1.
+    Each principal component is divided by a power of its variance: `component / variance^exponent`.
+    All are then multiplied by one number, so that the root mean square of their spreads is 0.5.
+
+    Args:
+        indices: the samples to fit on: training samples.
+        exponent: 0.5 whitens fully, 0 only rotates. Full whitening makes the noise of the smallest
+            components as large as everything else: in the authors' data the variances differ by a
+            factor of 48,000.
     """
     valid = np.arange(MAX_FRAMES) < samples.frames[indices, None]
     joints = samples.joints[indices][valid].astype(float)
@@ -73,7 +83,7 @@ def fit_scaling(samples: Samples, indices, exponent: float = HALF_WHITE) -> Scal
 
 @dataclass(frozen=True)
 class Dataset:
-    """Samples in network units, padding exactly zero, as float32."""
+    """Samples in network units, as float32. Padding is exactly zero."""
 
     samples: Samples
     scaling: Scaling
@@ -82,7 +92,11 @@ class Dataset:
 
 
 def prepare(samples: Samples, scaling: Scaling) -> Dataset:
-    """Scale all samples; padded frames stay exactly zero."""
+    """Scale all samples. Padding stays exactly zero.
+
+    Raises:
+        ConfigError: the scaling is for another number of features.
+    """
     if len(scaling.feature_mean) != samples.features.shape[2]:
         raise ConfigError(
             f"the scaling is for {len(scaling.feature_mean)} features a frame, "

@@ -1,9 +1,9 @@
-"""The task signals: one table that says what each task sees, and what it must answer.
+"""The task signals: one table says what each task sees and what it must answer.
 
-This table is the heart of the system (paper, section 3.3; details from the published code). Every
-task runs the same network. What differs is what is asked (the query tokens), what is looked at
-(keys and values: video and joints together), what the action decoder is shown while it moves, and
-the two targets. `build` turns samples and signals into arrays by this table and nothing else.
+All tasks use the same network (paper, section 3.3; details from the published code). They differ in
+the query tokens, in the keys and values (video and joints together), in the video that the action
+decoder sees, and in the two targets. `build` makes arrays of samples and signals from this table
+alone.
 """
 
 from __future__ import annotations
@@ -26,14 +26,24 @@ TOKENS_IN = 6  # signal, BOS, action, colour, speed, EOS
 
 @dataclass(frozen=True)
 class Wiring:
-    """One row of the table. `clip`, `first` and `last` speak of frames of the sample."""
+    """One row of the table. `clip`, `first` and `last` are frames of the sample.
 
-    query: str  # what follows the signal token: `sentence` or `eos`
-    keys: str  # keys and values: the `clip`, or its `first` frame in every place of the clip
-    words: str  # language target: `sentence` (4 steps) or `eos` (1 step)
-    video: str  # what the action decoder sees at each step: `clip`, `first` or `last`
-    start: str  # the pose it starts from: `first` or `last`
-    joints: str  # its target: the `clip`, or the `first` or `last` pose held still
+    Attributes:
+        query: what follows the signal token: `sentence` or `eos`.
+        keys: keys and values: the `clip`, or its `first` frame, repeated for the length of the
+            clip.
+        words: language target: `sentence` (4 steps) or `eos` (1 step).
+        video: what the action decoder sees at each step: `clip`, `first` or `last`.
+        start: the pose from which the action decoder starts: `first` or `last`.
+        joints: action target: the `clip`, or the `first` or `last` pose in all frames.
+    """
+
+    query: str
+    keys: str
+    words: str
+    video: str
+    start: str
+    joints: str
 
 
 WIRING = {
@@ -50,10 +60,14 @@ UNSUPERVISED = ("repeat action", "repeat language")
 
 @dataclass(frozen=True)
 class Mix:
-    """The signals that a model is trained on; each group shares its part equally.
+    """The signals that a model is trained on, in two groups. All signals of a group are equally
+    likely.
 
-    `regular`: drawn with probability 1 - supervised, and with probability supervised.
-    `limited`: where few updates or few samples are supervised; the second group needs a label.
+    Attributes:
+        regular: the signals of a regular training. The second group has the probability
+            `supervised` of the recipe, the first has the rest.
+        limited: the signals where few iterations or few samples are supervised. The second group
+            needs a label.
     """
 
     regular: tuple[tuple[str, ...], tuple[str, ...]]
@@ -71,34 +85,52 @@ MIX_WITH_BOTH = Mix(
 
 @dataclass(frozen=True)
 class Batch:
-    """Everything a model is given and must answer, for B samples with a signal each."""
+    """What a model is given and what it must answer, for B samples with one signal each.
 
-    tokens: Int[Tensor, "B 6"]  # query tokens, padded with EOS
-    token_mask: Bool[Tensor, "B 6"]  # which of them are there
-    frames: Int[Tensor, " B"]  # clip lengths
-    keys: Float[Tensor, "B 100 K"]  # F + 5 numbers a frame: features, then joints
-    video: Float[Tensor, "B 99 F"]  # for the action decoder
-    start: Float[Tensor, "B 5"]  # its first pose
-    words: Int[Tensor, "B 4"]  # language target
+    Attributes:
+        tokens: query tokens, padded with EOS.
+        token_mask: which of the tokens are not padding.
+        frames: clip lengths.
+        keys: keys and values: K = F + 5 numbers a frame, features first, then joints.
+        video: features that the action decoder sees at each step.
+        start: first pose of the action decoder.
+        words: language target.
+        word_mask: which words of the target count.
+        joints: action target in network units, zero after the end of the clip.
+        step_mask: which steps of the target count.
+    """
+
+    tokens: Int[Tensor, "B 6"]
+    token_mask: Bool[Tensor, "B 6"]
+    frames: Int[Tensor, " B"]
+    keys: Float[Tensor, "B 100 K"]
+    video: Float[Tensor, "B 99 F"]
+    start: Float[Tensor, "B 5"]
+    words: Int[Tensor, "B 4"]
     word_mask: Bool[Tensor, "B 4"]
-    joints: Float[Tensor, "B 99 5"]  # action target, zero beyond the clip
-    step_mask: Bool[Tensor, "B 99"]  # which steps of it count
+    joints: Float[Tensor, "B 99 5"]
+    step_mask: Bool[Tensor, "B 99"]
 
     def to(self, device) -> Batch:
-        """The same on another device."""
+        """The same batch on another device."""
         return type(self)(**{name: value.to(device) for name, value in vars(self).items()})
 
 
 @dataclass(frozen=True)
 class MixupBatch(Batch):
-    """A batch in which clips were blended in pairs (`mixup`)."""
+    """A batch whose clips were mixed in pairs, see `mixup`.
 
-    other_words: Int[Tensor, "B 4"]  # the second clip's sentence
-    share: Float[Tensor, " B"]  # of the first
+    Attributes:
+        other_words: the sentence of the second clip.
+        share: weight of the first clip, 0 to 1.
+    """
+
+    other_words: Int[Tensor, "B 4"]
+    share: Float[Tensor, " B"]
 
 
 class Source:
-    """A data set as tensors, ready to be cut into batches."""
+    """A data set as tensors, from which `build` takes batches."""
 
     def __init__(self, dataset: Dataset):
         self.dataset = dataset
@@ -116,7 +148,7 @@ _SIGNAL_NUMBER = {signal: i for i, signal in enumerate(SIGNALS)}
 
 
 def _rows(column: str, value: str) -> Tensor:
-    """Which signals have `value` in a column of the table, as a mask over signal numbers."""
+    """Which signals have `value` in a column of the table: a mask over signal numbers."""
     return torch.tensor([getattr(WIRING[s], column) == value for s in SIGNALS])
 
 
@@ -129,7 +161,11 @@ _SIGNAL_TOKEN = torch.tensor([signal_index(s) for s in SIGNALS])
 
 
 def signal_number(signal: str) -> int:
-    """Number of a signal, 0 to 4. Raises `LanguageError` naming the signals there are."""
+    """Number of a signal, 0 to 4, its place in `SIGNALS`.
+
+    Raises:
+        LanguageError: there is no such signal.
+    """
     signal_index(signal)
     return _SIGNAL_NUMBER[signal]
 
@@ -143,18 +179,21 @@ def build(
     congruent_input: Bool[Tensor, " B"] | None = None,
     sentence_from: Int[Tensor, " B"] | None = None,
 ) -> Batch:
-    """Wire samples to signals by the table.
+    """Make a batch: the inputs and targets of samples under their signals, by the table.
 
     Args:
         samples: sample numbers.
-        signals: a signal number for each.
-        alternative: which of its eight sentences each sample is given or asked for.
-        hold_steps: how many steps count where the target is a pose held still (describe, repeat
-            language). Training may ask for few: there is nothing more to learn in the rest.
-        congruent_input: which samples are also given the input that their task could do without,
-            and true: the whole sentence in the query, the moving clip as keys and values; none if
-            None.
-        sentence_from: sample numbers whose sentences are used, where they are not the clips' own.
+        signals: a signal number for each sample.
+        alternative: which of its eight sentences each sample is given or must say.
+        hold_steps: how many steps count where the target is one pose held still (describe, repeat
+            language). A training may use few: the other steps teach nothing new. The paper uses 99.
+        congruent_input: which samples also get the input that their task could do without: the
+            whole sentence in the query, and the moving clip as keys and values. It is true, so
+            nothing in it conflicts. None means no sample.
+        sentence_from: sample numbers whose sentences are used; None means each sample's own.
+
+    Raises:
+        ConfigError: the numbers of samples, signals and alternatives differ.
     """
     if not len(samples) == len(signals) == len(alternative):
         raise ConfigError("a batch needs as many signals and alternatives as samples")
@@ -168,7 +207,7 @@ def build(
     first = {"features": features[:, 0], "joints": joints[:, 0]}
     last = {"features": features[item, frames - 1], "joints": joints[item, frames - 1]}
 
-    # query: the signal, then the whole sentence or EOS alone
+    # query
     sentence_from = samples if sentence_from is None else sentence_from
     sentence = source.sentences[source.meaning[sentence_from], alternative]
     tokens = torch.cat([_SIGNAL_TOKEN[signals, None], sentence], dim=1)
@@ -180,7 +219,7 @@ def build(
     tokens[short, 1:] = EOS
     token_mask[short, 2:] = False
 
-    # keys and values: the moving clip, or its first frame stood still for the clip's length
+    # keys and values: the moving clip, or its first frame repeated for the clip's length
     keys = torch.cat([features, joints], dim=2)
     still = keys[:, :1] * inside[..., None]
     keys = torch.where((where("keys", "first") & ~congruent_input)[:, None, None], still, keys)
@@ -213,15 +252,19 @@ def build(
 
 
 def mixup(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) -> MixupBatch:
-    """Blend the clips that are to be described, each with that of another such sample.
+    """Mix the clips of *describe* in pairs (mixup, Zhang et al. 2018; ours, not in the paper).
 
-    Keys and values become share x own + (1 - share) x partner's, and both sentences are asked for,
-    in these shares (mixup, Zhang et al. 2018). Samples of other signals stay as they are, and so do
-    those that are given the sentence: it would say one clip of the two.
+    ::
+
+        keys = share keys + (1 - share) keys[partner]
+
+    The loss then asks for both sentences, with the same weights. Samples of other signals do not
+    change, nor do samples that are given the sentence: it is true of only one of the two clips.
 
     Args:
-        partner: a place in the batch for each sample; where either is not to describe, nothing
-            is blended.
+        share: weight of each sample's own clip, 0 to 1.
+        partner: a place in the batch for each sample. Nothing is mixed if one of the two has
+            another signal.
     """
     describe = batch.tokens[:, 0] == signal_index("describe")
     describe &= ~batch.token_mask[:, 2]
@@ -236,7 +279,12 @@ def mixup(batch: Batch, share: Float[Tensor, " B"], partner: Int[Tensor, " B"]) 
 
 
 def with_video(batch: Batch, videos: dict[int, Float[Tensor, "99 F"]]) -> Batch:
-    """The batch with another video for the action decoder in some places that execute."""
+    """The batch with other videos for the action decoder.
+
+    Args:
+        videos: place in the batch to scaled features. A place with another signal than *execute*
+            does not change.
+    """
     video, execute = batch.video.clone(), signal_index("execute")
     for place, other in videos.items():
         if batch.tokens[place, 0] == execute:
@@ -245,5 +293,5 @@ def with_video(batch: Batch, videos: dict[int, Float[Tensor, "99 F"]]) -> Batch:
 
 
 def table() -> list[dict[str, str]]:
-    """The table as rows, for showing."""
+    """The table as rows, to show it."""
     return [{"signal": s, **vars(WIRING[s])} for s in SIGNALS]

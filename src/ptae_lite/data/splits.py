@@ -1,4 +1,4 @@
-"""Which patterns are for what: to train, to choose settings on, and for the final number."""
+"""Which patterns are used to train, to choose settings, and to compute the final scores."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ptae_lite.language import MEANINGS, SIDES, patterns
 
 
 def _by_meaning() -> dict:
-    """The training patterns of each meaning: three each, in order of the first."""
+    """The three training patterns of each meaning, in index order."""
     groups: dict = {}
     for p in patterns():
         if p.split == "train":
@@ -20,10 +20,11 @@ def _by_meaning() -> dict:
 def _splits() -> dict[str, tuple[int, ...]]:
     """Pattern indices by split.
 
-    Held out is what asks of a model the same as the test does. A test pattern's meaning is known
-    from three others, one of them on the same side; and many lie in arrangements that training
-    shows half as often as others. So: of the arrangements that training shows most, every second
-    pattern whose meaning it has on the same side elsewhere.
+    The held-out patterns should be as hard as the test patterns. Training shows the meaning of a
+    test pattern in three others, one of them on the same side, and it shows many of the
+    arrangements half as often as others. So we take the arrangements that training shows most
+    often, find their patterns whose meaning training also shows on the same side elsewhere, and
+    hold out every second one.
     """
     of = {name: tuple(p.index for p in patterns() if p.split == name) for name in ("train", "test")}
     train = [pattern for pattern in patterns() if pattern.split == "train"]
@@ -43,13 +44,14 @@ HOLDOUT_STEP = 7  # through the 36 meanings: any six in a row differ in colour
 
 
 def holdout_patterns(count: int) -> tuple[int, ...]:
-    """The training patterns that stand in for a test part that a data set does not have.
+    """The training patterns that replace a test part that a data set does not have.
 
-    One pattern each of the first `count` meanings, in steps of seven through `MEANINGS`, so that
-    every six have all colours, each action twice and each speed three times. Of a meaning's three
-    training patterns it is the first that `held_out` does not use, so settings can be chosen as
-    ever; two on the left, then two on the right, where there is a choice. Every sentence keeps a
-    pattern to learn it from, as in the paper's own split. A smaller count is part of a larger one.
+    There is one pattern for each of the first `count` meanings, in steps of seven through
+    `MEANINGS`: any six in a row then have all colours, each action twice and each speed three
+    times. A meaning has three training patterns. We take the first that is not in `held_out`, so
+    that settings can still be chosen on `held_out`. Where there is a choice, two patterns on the
+    left follow two on the right. Training keeps at least one pattern of each sentence, as in the
+    paper's split. The patterns of a small `count` are also among those of a larger one.
 
     Raises:
         ConfigError: `count` is not 1 to 36.
@@ -68,7 +70,7 @@ def holdout_patterns(count: int) -> tuple[int, ...]:
 
 
 def patterns_of(split: str, holdout: int | None = None) -> tuple[int, ...]:
-    """Patterns of a split; with `holdout`, that many training patterns are the `test` part.
+    """Pattern indices of a split. With `holdout`, that many training patterns are the `test` part.
 
     Raises:
         ConfigError: there is no such split, or `holdout` is not 1 to 36.

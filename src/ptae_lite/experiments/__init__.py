@@ -1,1 +1,1 @@
-"""Experiments: a trained model or a recipe in, a tidy table out."""
+"""Experiments: each trains or loads models, scores them, and writes a table."""

@@ -1,9 +1,8 @@
-"""Who is followed: the truth, the distractor, a mixture of the two, or neither.
+"""What an answer follows: the truth, the distractor, a mixture of the two, or neither.
 
 An answer says three things: which action, which cube, how fast. A sentence says them in words, the
-cube by its colour. A motion says them by its course: it is compared with the mean motions of the 12
-actions. In a mixture each of the three is the truth's or the distractor's, and not all are from
-one of them.
+cube by its colour. For a motion, we find the nearest of the mean motions of the 12 actions. In a
+mixture, each of the three is the truth's or the distractor's, and not all come from the same.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ LENGTHS = {"slowly": MAX_FRAMES, "fast": MAX_FRAMES // 2}
 
 
 class DecodedAnswer(NamedTuple):
-    """What an answer says. The cube is a colour in words, a side in motions; None: says nothing."""
+    """What an answer says. The cube is a colour in words, and a side in motions; None: not said."""
 
     action: str | None = None
     cube: str | None = None
@@ -39,13 +38,15 @@ class DecodedAnswer(NamedTuple):
 
 @dataclass(frozen=True)
 class Motions:
-    """The mean motions of the 12 actions, made of the training clips.
+    """The mean motions of the 12 actions, made from the training clips.
 
-    Clips of one action and side are stretched to one length (time normalisation) and averaged over
-    both speeds, which hardly differ then: in our recording by 1.4 % of the joints' range at most.
-    So that speed can be told, each mean is played at either speed; the fast one rests in its last
-    pose. Distances are root mean squares over frames and joints, in percent of the joints' range,
-    as NRMSE is.
+    Clips of one action and side are stretched to one length and averaged over both speeds. After
+    the stretching the speeds hardly differ: in our recording by at most 1.4 % of the joints' range.
+    Each mean is then played at both speeds, so that the speed of a motion can be found. A fast mean
+    rests in its last pose.
+
+    Distances are root mean squares over frames and joints, in percent of the joints' range, like
+    NRMSE.
     """
 
     samples: Samples
@@ -53,7 +54,7 @@ class Motions:
 
     @cached_property
     def tracks(self) -> dict[DecodedAnswer, Float[np.ndarray, "100 5"]]:
-        """Each of the 12 in the data's unit, over 100 frames."""
+        """Each mean motion over 100 frames, in the unit of the data."""
         clips: dict = {}
         for i in self.samples.split("train").tolist():
             p, joints = pattern(int(self.samples.pattern[i])), self._clip(i)
@@ -68,7 +69,7 @@ class Motions:
 
     @cached_property
     def reach(self) -> float:
-        """How far, in percent, the farthest training clip lies from the mean of its action."""
+        """The largest distance of a training clip from the mean of its action, in percent."""
         own = [
             self._distances(self._clip(i), 0)[_of(pattern(int(self.samples.pattern[i])))]
             for i in self.samples.split("train").tolist()
@@ -76,7 +77,7 @@ class Motions:
         return max(own)
 
     def nearest(self, made: Float[np.ndarray, "T 5"]) -> tuple[DecodedAnswer, float]:
-        """The mean that a motion, from its second frame on, is nearest to, and how near."""
+        """The mean that is nearest to a motion (from its second frame on), and its distance."""
         found = self._distances(made, 1)
         best = min(found, key=found.__getitem__)
         return best, found[best]
@@ -93,7 +94,7 @@ class Motions:
 
 
 def _stretch(joints: Float[np.ndarray, "T 5"], count: int) -> Float[np.ndarray, "N 5"]:
-    """A motion at `count` moments, evenly from its beginning to its end."""
+    """A motion at `count` evenly spaced times from its first to its last frame."""
     at, places = np.linspace(0, len(joints) - 1, count), np.arange(len(joints))
     return np.stack([np.interp(at, places, joint) for joint in joints.T], axis=1)
 
@@ -103,7 +104,7 @@ def _of(p: Pattern) -> DecodedAnswer:
 
 
 def decode_words(indices) -> DecodedAnswer:
-    """What four tokens say, in the first word of each pair; nothing, if they are no sentence."""
+    """What four tokens say, as first words. They say nothing if they are not a sentence."""
     indices = [int(i) for i in indices]
     if len(indices) != 4 or indices[3] != EOS or EOS in indices[:3]:
         return DecodedAnswer()
@@ -114,9 +115,9 @@ def decode_words(indices) -> DecodedAnswer:
 
 
 def decoded_answers(answer: Answer, samples: Samples, indices, signal: str, motions: Motions):
-    """What each answer to a signal says, and how far in percent it is from what it says.
+    """What each answer to a signal says, and its distance in percent.
 
-    Words are what they say, at no distance. A motion says its nearest mean, however far.
+    A sentence has distance 0. A motion says what its nearest mean says, at any distance.
     """
     if signal in ANSWERS_WORDS:
         return [(decode_words(words), 0.0) for words in answer.words.argmax(2)]
@@ -127,7 +128,7 @@ def decoded_answers(answer: Answer, samples: Samples, indices, signal: str, moti
 
 
 def within(decoded: list[tuple[DecodedAnswer, float]], reach: float) -> list[DecodedAnswer]:
-    """What the answers say; those farther than `reach` from it say nothing."""
+    """What the answers say. An answer farther than `reach` says nothing."""
     return [what if distance <= reach else DecodedAnswer() for what, distance in decoded]
 
 
@@ -138,9 +139,10 @@ def truth_of(samples: Samples, index: int, signal: str) -> DecodedAnswer:
 
 
 def distractor_of(samples: Samples, index: int, extra, condition: Condition) -> DecodedAnswer:
-    """What the extra input would have the answer say.
+    """What an answer that follows the extra input would say.
 
-    A false sentence may name a colour that no cube has; a motion cannot follow it in that (None).
+    A false sentence may have a colour that no cube has. A motion cannot follow it; then the cube is
+    None.
     """
     if EXTRA_INPUT[condition.signal] == "action":
         return truth_of(samples, extra, condition.signal)
@@ -152,7 +154,7 @@ def distractor_of(samples: Samples, index: int, extra, condition: Condition) -> 
 
 
 def follows(decoded: DecodedAnswer, truth: DecodedAnswer, distractor: DecodedAnswer) -> str:
-    """One of `SOURCES`."""
+    """What an answer follows: one of `SOURCES`."""
     if decoded == truth:
         return "truth"
     if decoded == distractor and None not in decoded:
@@ -165,8 +167,11 @@ def follows(decoded: DecodedAnswer, truth: DecodedAnswer, distractor: DecodedAns
 def shares(
     decoded: list[DecodedAnswer], truth: list[DecodedAnswer], distractor: list[DecodedAnswer]
 ) -> dict[str, float]:
-    """Percent of the answers that follow each of `SOURCES`; and, as `action_taken` and so on, of
-    those in which the distractor's action differs, how many have the distractor's."""
+    """Percentage of the answers that follow each of `SOURCES`.
+
+    `action_taken`, `cube_taken` and `speed_taken` count only answers whose distractor has another
+    action, cube or speed: the percentage of them that say the distractor's.
+    """
     rows = list(zip(decoded, truth, distractor, strict=True))
     found = [follows(*row) for row in rows]
     result = {name: 100 * found.count(name) / len(found) for name in SOURCES}

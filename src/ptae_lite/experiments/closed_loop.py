@@ -1,7 +1,7 @@
-"""The closed loop: given a sentence, does the arm do it? An episode in, a row of a table out.
+"""The closed loop: given a sentence, does the arm do it? A row of the table is one episode.
 
-`MODELS` says who acts and how it was trained, `instruction` where and on what word. Models are
-trained on recorded training samples; two of them on other videos, too (`videos`).
+`MODELS` lists the models that act and how they differ, `tasks` the scenes and the sentences. Models
+are trained on recorded training samples; two of them on other videos, too (`videos`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ KEY = ["model", "seed", "condition"]
 LOOP = {
     "pad_still_frame": False,
     "condition_on_code": True,
-}  # the sentence must tell the speed, and is not forgotten
+}  # the speed must come from the sentence, and the decoder gets the code at every step
 MODELS: dict[str, dict] = {
     "ptae": {},  # as the paper trains it
     "ptae_first_frame": {"freeze_video": True},
@@ -44,24 +44,24 @@ MODELS: dict[str, dict] = {
 VIDEOS = {
     "noisy_video": ("noisy", None),
     "dagger": ("own episodes", "watching_policy"),
-}  # and whose
-OF_FAMILY = {"ptae": "PTAE", "ptae_first_frame": "PTAE, frozen video"}  # the same trainings
-SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # what chapter 06 tells of a model
+}  # and the model that acts in them
+OF_FAMILY = {"ptae": "PTAE", "ptae_first_frame": "PTAE, frozen video"}  # names in the family
+SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # the conditions that chapter 06 shows
 SHOWN |= {"ptae_first_frame": ("test",), "one_look_policy": tuple(CONDITIONS)}
 FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
 
 
-REPLAY = "recorded joints"  # the model that is none
+REPLAY = "recorded joints"  # no model
 BACK = "there_and_back"
 NOT_THERE = "no such cube"  # whatever the arm did
 
 
 def score(trained: Trained | None, samples: Samples, model: str, seed: int, condition: str,
           split: str = "test") -> pd.DataFrame:  # fmt: skip
-    """All episodes of one model under one condition: a row each.
+    """All episodes of one model under one condition, a row each.
 
-    Without a model the recorded joints are replayed. There and back, the model then describes what
-    it saw of its own act.
+    Without a model, the recorded joints are replayed. Under `there_and_back`, the model then
+    describes what it saw in its own episode.
     """
     tasks = tasks_of(samples, condition, split)
     encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
@@ -89,7 +89,7 @@ def score(trained: Trained | None, samples: Samples, model: str, seed: int, cond
 
 
 def row_of(task: Task, episode: Episode, verdict: Verdict) -> dict:
-    """What the table says of an episode; ways in mm, durations in frames."""
+    """What the table says of an episode. Distances are in millimetres, durations in frames."""
     moved = 1000 * np.linalg.norm(episode.cubes[-1, :, :2] - episode.cubes[0, :, :2], axis=1)
     return {
         "colours": " ".join(task.stage.colours), "sentence": task.instruction or "",
@@ -101,11 +101,12 @@ def row_of(task: Task, episode: Episode, verdict: Verdict) -> dict:
 
 
 def describe(trained: Trained, samples: Samples, clips: list, with_rest: bool = False) -> list[str]:
-    """What a model says of its own acts: of (task, features of each frame, joints) a sentence.
+    """What a model says of its own episodes: a sentence for each.
 
     Args:
-        with_rest: the camera goes on, while the arm rests, up to the 50 or 100 frames of a recorded
-            clip.
+        clips: task, features of each frame, and joints of each episode.
+        with_rest: continue each clip with its last frame, up to the 50 or 100 frames of a recorded
+            one.
     """
     frames = np.array([min(len(looks), MAX_FRAMES) for _, looks, _ in clips])
     features = np.zeros((len(clips), MAX_FRAMES, samples.features.shape[2]), dtype=np.float32)
@@ -126,7 +127,7 @@ def describe(trained: Trained, samples: Samples, clips: list, with_rest: bool = 
 
 
 def experiment_of(samples: Samples, model: str, seed: int, *_) -> Experiment | None:
-    """The training of a model; None of the recorded joints, which nobody learns."""
+    """The training of a model; None for the recorded joints, which are not learned."""
     if model == REPLAY:
         return None
     videos, base = VIDEOS.get(model, ("", None))
@@ -138,7 +139,7 @@ def experiment_of(samples: Samples, model: str, seed: int, *_) -> Experiment | N
 
 
 def score_model(trained: Trained, samples: Samples, model: str, seed: int) -> pd.DataFrame:
-    """What chapter 03 measures, of a model of this study: the row of `closed_loop_models.csv`."""
+    """The scores of chapter 03 for a model of this study: a row of `closed_loop_models.csv`."""
     row = {"model": model, "seed": seed, "steps": trained.about["steps"]}
     scores = {name: round(value, 3) for name, value in evaluate(trained, samples).items()}
     return pd.DataFrame([row | scores])
@@ -150,10 +151,16 @@ SCORES = Study("closed_loop_models.csv", KEY[:2], experiment_of, score_model)
 
 def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 2),
           conditions=None, **where) -> pd.DataFrame:  # fmt: skip
-    """Act out what is missing in `closed_loop.csv`; see `runner.run`. The scores of the models that
-    act go to `closed_loop_models.csv`.
+    """Act the episodes that are missing in `closed_loop.csv`; see `runner.run`.
 
-    Without `conditions`, which are for all models, each goes through those in `SHOWN`.
+    The scores of the models go to `closed_loop_models.csv`.
+
+    Args:
+        conditions: for all models; None for those in `SHOWN`.
+
+    Raises:
+        ConfigError: there is no such model or condition.
+        RobotError: PyBullet is not installed.
     """
     check_names(models, MODELS, "model")
     check_names(conditions or (), CONDITIONS, "condition")
@@ -170,6 +177,7 @@ def study(samples: Samples, folder, weights, models=tuple(MODELS), seeds=(0, 1, 
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     options.trainings(parser)
     options.weights(parser, "build/weights")
     parser.add_argument("--models", "--variants", nargs="+", metavar="NAME",
@@ -179,7 +187,8 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
-    from ptae_lite.experiments import episodes  # which knows this study
+    """Run the study with its options; returns what the command prints."""
+    from ptae_lite.experiments import episodes  # here, because it imports this module
 
     samples = data.load_samples()
     table = study(samples, given.out, given.weights, given.models, given.seeds, given.conditions,

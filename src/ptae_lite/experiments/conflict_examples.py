@@ -1,12 +1,12 @@
-"""One test clip's answers under each condition, kept so that a page without a model can show them.
+"""The answers for one test clip under each condition, stored for pages without a model.
 
 ::
 
     python -m ptae_lite.experiments.conflict_examples           # into build/results, to look at
     python -m ptae_lite.experiments.conflict_examples --store   # into data/results, with origin
 
-The command asks the stored PTAE, and has to be run again when its weights are replaced. It takes
-pictures of the clip and its distractors from a recording's folder (`python -m ptae_lite record`).
+The command runs the stored PTAE; run it again when its weights change. It takes pictures of the
+clip and its distractors from a recording's folder (`python -m ptae_lite record`).
 """
 
 from __future__ import annotations
@@ -47,17 +47,20 @@ from ptae_lite.pipes import piped
 MODEL = "weights/ptae.safetensors"
 ANSWERS, KEPT = "incongruence_examples.csv", "incongruence_examples.npz"
 KEY = ["sample", "signal", "conflict_in", "conflicts", "aspects"]
-SHOTS, SHOT_PX = 6, (80, 60)  # pictures of a film strip, and their width and height
-TEXTS = {"aspects": "", "sentence": "", "answer": ""}  # an empty text in a CSV file reads as a gap
+SHOTS, SHOT_PX = 6, (80, 60)  # pictures in a row, and their width and height
+TEXTS = {"aspects": "", "sentence": "", "answer": ""}  # pandas reads empty texts as NaN
 
 
 @dataclass(frozen=True, eq=False)
 class ConflictExamples:
-    """What one clip was answered: a row of `answers` for each condition.
+    """The answers for one clip under each condition.
 
-    Motions stand in `joints` (R, 99, 5), in radians from the second frame on; the column `track`
-    says which is a row's. `strips` has pictures of the 12 actions in the clip's arrangement, of its
-    variation number, evenly from first to last frame, by `Pattern.action_index`.
+    Attributes:
+        index: the sample number.
+        answers: a row for each condition. Its column `track` is the row of `joints`, or -1.
+        joints: motions in radians, from the second frame on.
+        strips: pictures of the 12 actions, by `Pattern.action_index`, in the clip's arrangement and
+            of its variation number, evenly spaced from the first to the last frame.
     """
 
     index: int
@@ -74,12 +77,12 @@ class ConflictExamples:
 
 
 def tell(trained: Trained, samples: Samples, index: int, strips, seed: int = 0) -> ConflictExamples:
-    """Ask a model for all four signals of one sample, under every condition."""
+    """A model's answers to all four signals of one sample, under every condition."""
     source, rows, motions = Source(trained.dataset(samples)), [], []
     means = answer_source.Motions(samples, trained.scaling)
     for condition in (c for signal in EXTRA_INPUT for c in conditions(signal)):
         signal, place, aspects = condition
-        # all test clips are drawn for, as in the table; only this one is asked
+        # draw for all test clips, as the table does; only this one is asked
         (extra,) = _drawn(samples, index, condition, seed)
         answer = respond_under(trained, source, [index], condition, extra=[extra])
         ((what, distance),) = answer_source.decoded_answers(answer, samples, [index], signal, means)
@@ -113,7 +116,11 @@ def _drawn(samples: Samples, index: int, condition: Condition, seed: int) -> lis
 def picture_strips(
     folder, samples: Samples, index: int
 ) -> UInt8[np.ndarray, "12 shots height width 3"]:
-    """Pictures for `ConflictExamples.strips`, small, from a recording's folder."""
+    """Small pictures for `ConflictExamples.strips`, from a recording's folder.
+
+    Raises:
+        RecordingError: the folder is not a recording of ours, or a sequence is missing.
+    """
     from ptae_lite.robot.recorder import check_ours, load_sequence
 
     check_ours(folder, same_scene=False)
@@ -128,7 +135,7 @@ def picture_strips(
 
 
 def write(folder, trained: Trained, samples: Samples, strips) -> list[Path]:
-    """Write the stories of the first test clip."""
+    """Write the examples of the first test clip, and return the paths of the two files."""
     answers, kept = (Path(folder) / name for name in (ANSWERS, KEPT))
     examples = tell(trained, samples, int(samples.split("test")[0]), strips)
     with atomic_write(answers) as temporary:
@@ -138,7 +145,7 @@ def write(folder, trained: Trained, samples: Samples, strips) -> list[Path]:
 
 
 def load(find=lambda name: artefacts.stored(f"results/{name}")) -> ConflictExamples:
-    """The stored stories; `find` gives each file's path."""
+    """The stored examples. `find` returns the path of a file."""
     answers = pd.read_csv(find(ANSWERS)).fillna(TEXTS)
     with np.load(find(KEPT)) as file:
         return ConflictExamples(
@@ -147,6 +154,7 @@ def load(find=lambda name: artefacts.stored(f"results/{name}")) -> ConflictExamp
 
 
 def main(arguments: list[str] | None = None) -> int:
+    """Write the examples; returns the exit code."""
     parser = argparse.ArgumentParser(description="Keep the stored PTAE's answers under conflict.")
     parser.add_argument("--store", action="store_true", help="into data/results, with provenance")
     parser.add_argument("--out", default="build/results", help="folder, without --store")

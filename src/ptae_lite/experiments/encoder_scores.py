@@ -1,4 +1,4 @@
-"""What an encoder is worth: linear probes of its features, and the error of its drawings."""
+"""Scores of an image encoder: linear probes of its features, and the error of its images."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROBES = {"test": "train", "held_out": "fit"}  # scored on: fitted on
 
 
 def moments(samples: Samples) -> np.ndarray:
-    """Frame numbers (S, 4) of `MOMENTS`: the two in between lie elsewhere in each variation."""
+    """Frame numbers (S, 4) of `MOMENTS`. The two in the middle differ between variations."""
     share = np.stack([0.2 + 0.05 * samples.variation, 0.5 + 0.05 * samples.variation])
     between = (share * samples.frames).astype(int)
     return np.stack([0 * samples.frames, *between, samples.frames - 1], axis=1)
@@ -31,9 +31,10 @@ def look(folder, samples: Samples) -> np.ndarray:
 
 
 def scores(encoder, images: np.ndarray, samples: Samples) -> dict[str, dict[str, float]]:
-    """What probes read from an encoder's features, and its reconstruction, for each of `PROBES`.
+    """Scores of linear probes and of the reconstruction, for each of `PROBES`.
 
-    `images` are those of `look`.
+    Args:
+        images: those of `look`.
     """
     codes = vision.encode_images(encoder, images.reshape(-1, *images.shape[2:]))
     codes = codes.reshape(*images.shape[:2], -1)
@@ -45,7 +46,7 @@ def scores(encoder, images: np.ndarray, samples: Samples) -> dict[str, dict[str,
 
 
 def probe_scores(codes: np.ndarray, samples: Samples, split: str) -> dict[str, float]:
-    """Linear probes of features (S, 4, F) at `moments`, in percent and millimetres."""
+    """Scores of linear probes of features (S, 4, F) at `moments`, in percent and millimetres."""
     known, asked = samples.split(PROBES[split]), samples.split(split)
 
     def read(fit, inputs, targets):
@@ -74,7 +75,7 @@ def probe_scores(codes: np.ndarray, samples: Samples, split: str) -> dict[str, f
 
 
 def with_products(inputs: np.ndarray, known) -> np.ndarray:
-    """Features at unit spread (over the samples `known`) and the products of any two of them."""
+    """Features with mean 0 and spread 1 (over the samples `known`), and all products of two."""
     spread = inputs[known].std(0)
     unit = (inputs - inputs[known].mean(0)) / np.where(spread > 0, spread, 1)
     a, b = np.triu_indices(unit.shape[1])
@@ -82,9 +83,10 @@ def with_products(inputs: np.ndarray, known) -> np.ndarray:
 
 
 def joints_r2(codes, samples: Samples, known, asked) -> float:
-    """Share of the joints' variance, mean over the five, that a frame's features tell.
+    """R^2 of a linear probe for the joints: the mean over the five.
 
-    At the two moments in between: at the first and the last every arm is at home.
+    It uses the two moments in the middle, because the arm is at home in the first and the last
+    frame.
     """
     rows, at = np.arange(len(codes))[:, None], moments(samples)
     joints = samples.joints[rows, at][:, 1:3].astype(float)
@@ -98,7 +100,10 @@ def joints_r2(codes, samples: Samples, known, asked) -> float:
 
 @torch.no_grad()
 def pixel_errors(encoder, images: np.ndarray) -> dict[str, float]:
-    """Root mean square error of the drawing (0 to 1), over all pixels and over coloured ones."""
+    """Root mean square error of the reconstruction (values 0 to 1).
+
+    `pixel_error` is over all pixels, `colour_pixel_error` over strongly coloured ones.
+    """
     sums, counts = np.zeros(2), np.zeros(2)
     for some in images:
         x = vision.as_input(some)
@@ -113,6 +118,6 @@ def pixel_errors(encoder, images: np.ndarray) -> dict[str, float]:
 
 @torch.no_grad()
 def drawn(encoder, images: np.ndarray | None = None) -> np.ndarray:
-    """Images (the stored frames `DRAWN` if None) as an encoder draws them again, as bytes."""
+    """Images as an encoder reconstructs them, as bytes. None for the stored frames `DRAWN`."""
     x = vision.as_input(frames.images(DRAWN) if images is None else images)
     return (255 * encoder(x).permute(0, 2, 3, 1).numpy()).round().astype(np.uint8)

@@ -1,38 +1,45 @@
-"""Encoders: does separating the colour channels help, at equal presentations and at equal compute?
+"""Encoders: does it help to separate the colour channels, with equal images seen or equal compute?
 
-Three CAEs, three seeds each, and three PCAs. Each CAE is one long training; at each checkpoint a
-copy of it runs through the last fifth of a training of that length (`AutoencoderTrainer`), so a row
-of the table is what a training of exactly that length gives. Linear probes on `held_out` patterns
-decide when a training has levelled off; those on `test` are for the table.
+There are three CAEs with three seeds each, and three PCAs. Each CAE is one long training. At each
+checkpoint, a copy of it runs through the last fifth of a training of that length
+(`encoder_training`). So a row of the table is the result of a training of exactly that length.
+Linear probes on `held_out` patterns decide when a training has converged; those on `test` are for
+the table.
 """
 
 from __future__ import annotations
 
-import copy
-import time
 from argparse import ArgumentParser
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
-from ptae_lite import artefacts, devices, vision
+from ptae_lite import artefacts, vision
 from ptae_lite.cli import RECORDING, bar
 from ptae_lite.data import frames
 from ptae_lite.data import samples as data
 from ptae_lite.data.samples import Samples
-from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.experiments import encoder_scores, options, tables
-from ptae_lite.experiments.experiment import Experiment
+from ptae_lite.experiments.encoder_training import (
+    PCA_EVERY,
+    CAETraining,
+    EncoderTraining,
+    LongTraining,
+    PCARecipe,
+    PCATraining,
+    TrainedEncoder,
+)
+from ptae_lite.experiments.runner import Study, run
 from ptae_lite.files import write_arrays
-from ptae_lite.vision import pca
 
 CAES = {"separated 3x10": ("separated", 10), "plain 10": ("plain", 10), "plain 30": ("plain", 30)}
 PCAS = {"PCA 3x10": ("pca-separated", 10), "PCA 10": ("pca", 10), "PCA 30": ("pca", 30)}
-# In presentations; 0 is the untrained encoder. 166,960 images cost a plain CAE the arithmetic that
+# In images seen; 0 is the untrained encoder. 166,960 images cost a plain CAE the arithmetic that
 # 64,000 cost the separated one. The book's two encoders have seen 128,000.
 CHECKPOINTS = {
     "separated 3x10": (0, 32_000, 64_000, 128_000),
@@ -53,8 +60,8 @@ IN_USE = {  # the lengths of the encoders that a PTAE is trained with
     "eight times as long": {name: 8 * length for name, length in EQUAL_COMPUTE.items()},
 }
 FILE = "encoders.csv"
+RECONSTRUCTIONS = "encoder_reconstructions.npz"
 KEY = ["encoder", "seed", "samples_seen", "split", "device"]
-PCA_EVERY = 8  # of the training images: 2,066 of them
 
 
 def mflop_an_image(encoder) -> float:
@@ -65,197 +72,114 @@ def mflop_an_image(encoder) -> float:
     return counter.get_total_flops() / 2 / 1e6
 
 
-class Bench:
-    """What every encoder of the study is trained on and shown, and where its results go.
+class Bench(NamedTuple):
+    """What every encoder of the study is trained and scored on.
 
-    `folder` gets `encoders.csv`; `work` the weights and the features of all frames of each encoder.
+    Args:
+        samples: the samples of the recording.
+        images: images of training patterns, (M, 120, 160, 3) bytes.
+        looks: the images that are scored, as `encoder_scores.look` gives them.
+        lengths: numbers of images seen, in order, by name of the CAE.
+        device: where CAEs are trained. They are scored on the CPU.
     """
 
-    def __init__(self, samples: Samples, recording, folder, work):
-        self.samples, self.recording = samples, recording
-        self.table, self.work = Path(folder) / FILE, Path(work)
-        self.images = frames.training_images(recording)
-        self.looks = encoder_scores.look(recording, samples)
-
-    def experiment_of(self, name: str, seed: int, steps: int | None = None) -> Experiment:
-        """A training of so many steps; of none in particular, as it is before its end, if None."""
-        (kind, code), recipe = CAES[name], vision.AutoencoderRecipe(seed=seed)
-        recipe = replace(recipe, steps=steps or recipe.steps)
-        split = "train" if steps else "train, unfinished"
-        return Experiment(kind, {"code": code}, recipe, self.samples.fingerprint, split)
-
-    def rows(self) -> pd.DataFrame:
-        return tables.read(self.table, KEY)
-
-    def write(self, encoder, about: dict) -> None:
-        """Add the two rows of an encoder, one a split."""
-        scores = encoder_scores.scores(encoder, self.looks, self.samples)
-        made = [about | {"split": split} | found for split, found in scores.items()]
-        tables.add(self.table, pd.DataFrame(made), KEY)
-
-    def place(self, name: str, seed: int) -> Path:
-        folder = self.work / folder_of(name, seed)
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder
-
-    def weights(self, name: str, seed: int, samples_seen: int) -> Path:
-        """Where an encoder is, after so many presentations."""
-        return self.place(name, seed) / f"encoder_{samples_seen}.safetensors"
-
-    def write_features(self, name: str, seed: int, samples_seen: int) -> None:
-        """Features of all recorded frames by that encoder, if they are not there."""
-        weights = self.weights(name, seed, samples_seen)
-        path = weights.with_name(f"features_{samples_seen}.npz")
-        if not features_are_of(path, weights):
-            codes = vision.encode_recording(vision.load_autoencoder(weights), self.recording)
-            data.write_features(path, codes, weights)
+    samples: Samples
+    images: np.ndarray
+    looks: np.ndarray
+    lengths: dict
+    device: str
 
 
-def folder_of(name: str, seed: int) -> str:
-    """Where an encoder's files are, below the study's folder."""
-    return f"{name.replace(' ', '_')}_seed{seed}"
+def experiment_of(bench: Bench, name: str, seed: int, samples_seen: int) -> EncoderTraining | None:
+    """The training of an encoder; None for an untrained one."""
+    kind, code = (CAES | PCAS)[name]
+
+    def made(training, recipe, **more) -> EncoderTraining:
+        return training(kind, {"code": code}, recipe, bench.samples.fingerprint, name=name, **more)
+
+    if name in PCAS:
+        return made(PCATraining, PCARecipe(samples_seen))
+    base = recipe = None
+    for length in sorted(n for n in bench.lengths[name] if 0 < n <= samples_seen):
+        recipe = vision.AutoencoderRecipe(seed=seed)
+        recipe = replace(recipe, steps=length // recipe.batch)
+        until = replace(recipe, steps=round((1 - vision.DECAY) * recipe.steps))
+        base = made(LongTraining, until, split="train, unfinished", base=base, device=bench.device)
+    return recipe and made(CAETraining, recipe, base=base, device=bench.device)
 
 
-def run_pca(bench: Bench, name: str) -> None:
-    """Fit a PCA encoder; its row, its weights and its features."""
-    kind, code = PCAS[name]
-    begun, some = time.process_time(), bench.images[::PCA_EVERY]
-    encoder = pca.fit(vision.make_autoencoder(kind, code), some)
-    seconds = time.process_time() - begun
-    vision.save_autoencoder(bench.weights(name, 0, len(some)), encoder)
-    bench.write_features(name, 0, len(some))
-    bench.write(encoder, {"encoder": name, "code": code, "seed": 0, "samples_seen": len(some),
-                      "gflop": np.nan, "seconds": round(seconds, 1), "device": "cpu"})  # fmt: skip
+def score(
+    trained: TrainedEncoder | None, bench: Bench, name: str, seed: int, samples_seen: int
+) -> pd.DataFrame:
+    """The two rows of an encoder, one for each split."""
+    kind, code = (CAES | PCAS)[name]
+    if trained is None:
+        fresh, recipe = vision.make_autoencoder(kind, code), vision.AutoencoderRecipe(seed=seed)
+        encoder = vision.AutoencoderTrainer(fresh, recipe).encoder.eval()
+        trained = TrainedEncoder(encoder, {"seconds": 0.0, "device": bench.device})
+    gflop = np.nan
+    if name in CAES:
+        gflop = samples_seen * (mflop_an_image(vision.make_autoencoder(kind, code)) / 1e3)
+    row = {
+        "encoder": name, "code": code, "seed": seed, "samples_seen": samples_seen,
+        "gflop": round(gflop, 1), "seconds": round(trained.about["seconds"], 1),
+        "device": trained.about["device"],
+    }  # fmt: skip
+    scores = encoder_scores.scores(trained.encoder, bench.looks, bench.samples)
+    return pd.DataFrame([row | {"split": split} | found for split, found in scores.items()])
 
 
-def run_cae(bench: Bench, name: str, seed: int, checkpoints, device: str = "cpu"):
-    """Train a CAE past `checkpoints` (in presentations), with a row for each that is missing.
-
-    What is there is kept, and the training goes on from where its constant part stood.
-    """
-    kind, code = CAES[name]
-    encoder, recipe = vision.make_autoencoder(kind, code), vision.AutoencoderRecipe(seed=seed)
-    training = vision.AutoencoderTrainer(encoder, recipe, device)
-    trunk, asked = bench.place(name, seed) / "trunk.safetensors", bench.experiment_of(name, seed)
-    spent = restore(training, trunk, asked.hash) if trunk.exists() else 0.0
-    rows = bench.rows()
-    done = rows[(rows["encoder"] == name) & (rows["seed"] == seed)]["samples_seen"].tolist()
-    gflop = mflop_an_image(vision.make_autoencoder(kind, code)) / 1e3
-    for samples_seen in sorted(set(checkpoints) - set(done)):
-        steps = samples_seen // recipe.batch
-        turn = round((1 - vision.DECAY) * steps)
-        if turn < training.step:
-            raise ConfigError(
-                f"{name}, seed {seed}, has been trained past {samples_seen} presentations; "
-                f"delete {trunk} to begin again"
-            )
-        begun = devices.clock(device)
-        training.go(bench.images, turn, value=False)
-        spent += devices.clock(device) - begun
-        keep(training, trunk, spent, asked.hash)
-        branch, begun = copy.deepcopy(training), devices.clock(device)
-        branch.go(bench.images, steps, steps, value=False)
-        seconds = spent + devices.clock(device) - begun
-        branch.encoder.to("cpu").eval()
-        if steps:
-            own = bench.experiment_of(name, seed, steps)
-            path = bench.weights(name, seed, samples_seen)
-            vision.save_autoencoder(path, branch.encoder, own.recipe, device, experiment=own.hash)
-        bench.write(branch.encoder, {
-            "encoder": name, "code": code, "seed": seed, "samples_seen": samples_seen,
-            "gflop": round(samples_seen * gflop, 1), "seconds": round(seconds, 1),
-            "device": device,
-        })  # fmt: skip
-
-
-def keep(
-    training: vision.AutoencoderTrainer, path: Path, spent: float, experiment: str = ""
-) -> None:
-    """Store a training where it stands: weights, the optimiser's memory, steps and seconds."""
-    tensors = {f"encoder.{name}": value for name, value in training.encoder.state_dict().items()}
-    for i, memory in training.optimiser.state_dict()["state"].items():
-        tensors |= {f"memory.{i}.{name}": value for name, value in memory.items()}
-    about = {"kind": "training of an encoder", "step": training.step, "seconds": spent}
-    about |= {"experiment": experiment}
-    artefacts.save_weights(path, tensors, about)
-
-
-def restore(training: vision.AutoencoderTrainer, path: Path, experiment: str = "") -> float:
-    """Set a fresh training to what `keep` stored; the seconds spent until there.
-
-    Raises:
-        ArtefactError: it is another experiment's.
-    """
-    tensors, about = artefacts.load_weights(path)
-    if about.get("experiment") != experiment:
-        raise ArtefactError(
-            f"{path} is of another training than the one asked for; move it away, or name another "
-            "folder of encoders"
-        )
-    weights, memory = {}, {}
-    for name, value in tensors.items():
-        part, rest = name.split(".", 1)
-        if part == "encoder":
-            weights[rest] = value
-        else:
-            i, what = rest.split(".")
-            memory.setdefault(int(i), {})[what] = value
-    training.encoder.load_state_dict(weights)
-    state = training.optimiser.state_dict()
-    training.optimiser.load_state_dict(state | {"state": memory})
-    training.step = about["step"]
-    return about["seconds"]
+STUDY = Study(FILE, KEY[:3], experiment_of, score, order=KEY)
 
 
 def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
-          workers: int = 1, device: str = "cpu", long: bool = False,
-          progress=lambda results, total: results) -> pd.DataFrame:  # fmt: skip
-    """Run what is missing in `encoders.csv`: all CAEs of a seed before the next, then PCAs.
+          device: str = "cpu", long: bool = False, **where) -> pd.DataFrame:  # fmt: skip
+    """Make what is missing in `encoders.csv`: all CAEs of one seed, then of the next, then PCAs.
 
     Args:
         recording: folder of a recording, with its images.
-        folder: of the table.
-        work: weights and features of each encoder, and where its training stands.
-        checkpoints: presentations by name of CAE; `CHECKPOINTS` if None.
-        workers: encoders side by side.
-        device: where CAEs are trained; what they are worth is measured on the CPU.
-        long: go on to the lengths in `LONG`; what is drawn stays that of `checkpoints`.
+        folder: folder of the table.
+        work: folder for weights, features and unfinished trainings.
+        checkpoints: numbers of images seen, by name of the CAE; None for `CHECKPOINTS`.
+        device: where CAEs are trained. They are scored on the CPU.
+        long: also train to the lengths in `LONG`. The reconstructions stay those of `checkpoints`.
+        where: where the work is done, see `tables.run`.
     """
-    drawn, bench = checkpoints or CHECKPOINTS, Bench(samples, recording, folder, work)
-    further = LONG if long else {}
-    jobs = [
-        (bench, name, seed, own, further.get(name, ()), device)
-        for seed in seeds for name, own in drawn.items()
-    ]  # fmt: skip
-    jobs += [(bench, name) for name in PCAS if name not in set(bench.rows()["encoder"])]
-    tables.run(run_one, jobs, lambda _: None, workers, progress)
-    write_reconstructions(bench, seeds[0], drawn)
-    return bench.rows()
+    drawn, further = checkpoints or CHECKPOINTS, LONG if long else {}
+    lengths = {name: sorted({*own, *further.get(name, ())}) for name, own in drawn.items()}
+    images, looks = frames.training_images(recording), encoder_scores.look(recording, samples)
+    bench = Bench(samples, images, looks, lengths, device)
+    pcas = [(name, 0, len(images[::PCA_EVERY])) for name in PCAS]
+    caes = [(name, seed, n) for seed in seeds for name, own in lengths.items() for n in own]
+    table = run(STUDY, bench, caes + pcas, folder, work, **where)
+
+    def weights(job) -> Path:
+        return Path(work) / experiment_of(bench, *job).file
+
+    used = {(name, length) for one in IN_USE.values() for name, length in one.items()}
+    seen = [weights(job) for job in caes if (job[0], job[2]) in used] + [*map(weights, pcas)]
+    tables.run(write_features, [(path, recording) for path in seen], lambda _: None, **where)
+    longest = [(name, seeds[0], max(own)) for name, own in drawn.items()]
+    shown = {job[0]: weights(job) for job in longest + pcas}
+    write_reconstructions(Path(folder) / RECONSTRUCTIONS, shown)
+    return table
 
 
-def run_one(bench: Bench, name: str, seed: int = 0, checkpoints=(), further=(),
-            device: str = "cpu") -> None:  # fmt: skip
-    """An encoder's rows and weights, which the bench writes, and the features for PTAE.
-
-    Features are written of the lengths in `IN_USE`, as far as it goes.
-    """
-    if name in PCAS:
-        return run_pca(bench, name)
-    run_cae(bench, name, seed, (*checkpoints, *further), device)
-    in_use = {lengths[name] for lengths in IN_USE.values()}
-    for samples_seen in in_use & {*checkpoints, *further}:
-        bench.write_features(name, seed, samples_seen)
+def write_features(weights: Path, recording) -> None:
+    """Write the features of all recorded frames by an encoder beside it, if they are missing."""
+    path = weights.with_name(weights.stem.replace("encoder", "features") + ".npz")
+    if not features_are_of(path, weights):
+        codes = vision.encode_recording(vision.load_autoencoder(weights), recording)
+        data.write_features(path, codes, weights)
 
 
-def write_reconstructions(bench: Bench, seed: int, checkpoints) -> None:
-    """`encoder_reconstructions.npz`: the images `DRAWN` as each encoder of a seed gives them."""
-    paths = {name: bench.weights(name, seed, max(own)) for name, own in checkpoints.items()}
-    some = len(bench.images[::PCA_EVERY])
-    paths |= {name: bench.weights(name, 0, some) for name in PCAS}
+def write_reconstructions(path: Path, encoders: dict[str, Path]) -> None:
+    """Write the images `DRAWN`, reconstructed by each encoder. `encoders` has their weights."""
     shown = {
-        name: encoder_scores.drawn(vision.load_autoencoder(path)) for name, path in paths.items()
+        name: encoder_scores.drawn(vision.load_autoencoder(weights))
+        for name, weights in encoders.items()
     }
-    write_arrays(bench.table.with_name("encoder_reconstructions.npz"), **shown)
+    write_arrays(path, **shown)
 
 
 def features_are_of(path: Path, weights: Path) -> bool:
@@ -267,6 +191,7 @@ def features_are_of(path: Path, weights: Path) -> bool:
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     options.trainings(parser, cluster=False)
     parser.add_argument("--recording", default=RECORDING, help="a recording's folder")
     parser.add_argument("--encoders", default="build/encoders",
@@ -278,9 +203,10 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     table = study(
         data.load_unseen(given.recording), given.recording, given.out, given.encoders, given.seeds,
-        workers=given.workers, device=given.device, long=given.long,
+        device=given.device, long=given.long, workers=given.workers,
         progress=lambda results, total: bar(results, total=total, desc="encoders"),
     )  # fmt: skip
     return options.result(given, FILE, table)

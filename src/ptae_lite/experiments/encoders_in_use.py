@@ -1,6 +1,7 @@
-"""What PTAE reaches with each encoder: the features of `experiments.encoders` in, its scores out.
+"""How well does PTAE do with the features of each encoder in the study `encoders`?
 
-Every training is the regular one, on the CPU; only the features differ. `device` is the encoder's.
+Every training is the regular one, on the CPU; only the features differ. `device` is the one on
+which the encoder was trained.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from ptae_lite.data.samples import Samples
 from ptae_lite.errors import RecordingError
 from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import options
-from ptae_lite.experiments.encoders import CAES, PCAS, folder_of
+from ptae_lite.experiments.encoder_training import folder_of
+from ptae_lite.experiments.encoders import CAES, PCAS
 from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, run
 from ptae_lite.models.checkpoint import Trained
@@ -28,9 +30,12 @@ NAME = f"results/{FILE}"
 
 
 def jobs_in(work, seeds) -> list[tuple[str, int, int]]:
-    """Encoder, seed and presentations of every training, a seed after the other.
+    """Encoder, seed and images seen of every training, one seed after the other.
 
-    A CAE of a seed goes with a PTAE of that seed; a PCA, which knows no chance, with each.
+    A CAE of a seed goes with the PTAE of that seed. A PCA has no seed and goes with each.
+
+    Raises:
+        RecordingError: the folder holds no features.
     """
     found = []
     for seed in seeds:
@@ -46,13 +51,13 @@ def jobs_in(work, seeds) -> list[tuple[str, int, int]]:
 
 
 def features_of(work, encoder: str, seed: int, samples_seen: int) -> Path:
-    """What an encoder sees, in the folder `work` of `encoders`."""
+    """The file of an encoder's features, in the folder `work` of the study `encoders`."""
     folder = Path(work) / folder_of(encoder, seed if encoder in CAES else 0)
     return folder / f"features_{samples_seen}.npz"
 
 
 def see(work, samples: Samples, *job) -> Samples:
-    """The samples as an encoder sees them."""
+    """The samples with the features of an encoder."""
     return data.with_features(samples, features_of(work, *job))
 
 
@@ -62,7 +67,7 @@ def experiment_of(samples: Samples, encoder: str, seed: int, samples_seen: int) 
 
 
 def score(work, trained: Trained, samples: Samples, *job) -> pd.DataFrame:
-    """A row: what PTAE says and does of the test samples, seen by that encoder."""
+    """A row: the scores of PTAE on the test samples, with the features of that encoder."""
     weights = features_of(work, *job).with_name(f"encoder_{job[2]}.safetensors")
     device = artefacts.load_weights(weights)[1].get("device", "cpu")
     row = dict(zip(KEY, job, strict=True)) | {"device": device}
@@ -72,28 +77,30 @@ def score(work, trained: Trained, samples: Samples, *job) -> pd.DataFrame:
 
 
 def stored() -> pd.DataFrame:
-    """The stored table; one without rows as long as `data/` has none."""
+    """The stored table; without rows if `data/` has none."""
     if NAME in artefacts.manifest():
         return pd.read_csv(artefacts.stored(NAME))
     return pd.DataFrame(columns=[*KEY, "describe_accuracy", "execute_nrmse"])
 
 
 def study(samples: Samples, folder, work, seeds=(0, 1, 2), **where) -> pd.DataFrame:
-    """A PTAE for every encoder, a seed after the other; see `runner.run`.
+    """Train a PTAE for every encoder, one seed after the other; see `runner.run`.
 
     Args:
-        work: the folder of the encoders' features, as `encoders` leaves it.
+        work: the folder of the encoders' features, which the study `encoders` writes.
     """
     made = Study(FILE, KEY, experiment_of, partial(score, work), see=partial(see, work))
     return run(made, samples, jobs_in(work, seeds), folder, **where)
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     options.trainings(parser)
     parser.add_argument("--encoders", default="build/encoders", help="folder of the CAEs' features")
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     table = study(
         data.load_samples(), given.out, given.encoders, given.seeds, **options.where(given)
     )

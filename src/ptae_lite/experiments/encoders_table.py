@@ -1,4 +1,4 @@
-"""How the table of `encoders` is read: equal lengths side by side, and which levelled off."""
+"""How to read the table of `encoders`: rows of equal lengths, and which trainings converged."""
 
 from __future__ import annotations
 
@@ -9,21 +9,28 @@ import pandas as pd
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import encoders
 
-EQUAL = {  # presentations of each encoder in the two fair comparisons
+EQUAL = {  # images seen by each encoder in the two fair comparisons
     "images seen": encoders.EQUAL_SAMPLES_SEEN,
     "compute": encoders.EQUAL_COMPUTE,
 }
 
 
 def of(rows: pd.DataFrame, names, split: str = "test") -> pd.DataFrame:
-    """The rows of these encoders, in this order, with presentations in thousands and TFLOP."""
+    """The rows of these encoders, in this order.
+
+    The new columns are `thousands` of images seen and `tflop`.
+    """
     own = rows[rows["split"] == split]
     found = pd.concat([own[own["encoder"] == name] for name in names])
     return found.assign(thousands=found["samples_seen"] / 1e3, tflop=found["gflop"] / 1e3)
 
 
 def at(rows: pd.DataFrame, lengths: Mapping[str, int], split: str = "test") -> pd.DataFrame:
-    """The rows of encoders at the given presentations. Raises `ConfigError` where there is none."""
+    """The rows of encoders at the given numbers of images seen.
+
+    Raises:
+        ConfigError: the table lacks one.
+    """
     own = of(rows, lengths, split)
     found = own[own["samples_seen"] == own["encoder"].map(lengths)]
     for encoder in lengths:
@@ -33,9 +40,10 @@ def at(rows: pd.DataFrame, lengths: Mapping[str, int], split: str = "test") -> p
 
 
 def summary(rows: pd.DataFrame, measures: Mapping[str, tuple[str, int]]) -> pd.DataFrame:
-    """Mean over the seeds with the lowest and the highest, a line for each encoder, in order.
+    """Mean over the seeds with the lowest and the highest, a row for each encoder, in order.
 
-    `measures` says of a column its label and how many digits to show.
+    Args:
+        measures: by column of the table, its label and the number of digits.
     """
     table: dict = {}
     for encoder, own in rows.groupby("encoder", sort=False):
@@ -51,12 +59,13 @@ ERRORS, COLOURS = ("pixel_error", "first_place_mm"), ("first_both", "last_both")
 
 
 def changes(rows: pd.DataFrame) -> pd.DataFrame:
-    """What the last doubling changed, by encoder and presentations, on held-out patterns.
+    """What the last doubling of the images seen changed, on held-out patterns.
 
-    Against the nearest training of half the length or less, of the same seed, and of the same
-    device where there is one; means over the pairs of a seed, then over the seeds. Errors of the
-    drawing and of the places of first frames in percent, both colours of first frames and of last
-    ones in points. Lengths without a shorter one beside them are left out.
+    Each training is compared with the nearest one of half its length or less, of the same seed, and
+    of the same device if there is one. Values are means over the pairs of a seed, then over the
+    seeds. Errors of the reconstruction and of the places in first frames change in percent. The
+    accuracy of both colours in first and in last frames changes in points. A length without a
+    shorter one is left out.
     """
     measures, found = [*ERRORS, *COLOURS], {}
     own = rows[(rows["split"] == "held_out") & rows["encoder"].isin(encoders.CAES)]
@@ -78,9 +87,10 @@ def changes(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def converged(rows: pd.DataFrame) -> pd.Series:
-    """Which of the lengths in `changes` have levelled off.
+    """Which of the lengths in `changes` have converged.
 
-    The rule: both errors changed by less than a tenth, both colours by less than three points.
+    The rule: both errors changed by less than a tenth, and both accuracies by less than three
+    points.
     """
     size = changes(rows).abs()
     return (size[[*ERRORS]] < 10).all(axis=1) & (size[[*COLOURS]] < 3).all(axis=1)

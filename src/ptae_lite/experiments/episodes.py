@@ -1,7 +1,7 @@
-"""Episodes of the closed loop, kept so that a page without a simulator can show them.
+"""Episodes of the closed loop, stored for pages without a simulator.
 
-Of a few scenes: every sentence about them. Of the table: film strips of episodes that
-succeeded and that failed.
+One file has an episode for each sentence about each of a few scenes. The other has rows of images
+of episodes in the table, three that succeeded and three that failed.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
 
 EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
-FIRST_SEED = 10_000  # the recording's end before
-CHOSEN = "one_look_policy"  # the simplest model that holds in the loop
-FRAMES_SHOWN = 5  # of a film strip
+FIRST_SEED = 10_000  # the seeds of the recording are smaller
+CHOSEN = "one_look_policy"  # the simplest model that works in the loop
+FRAMES_SHOWN = 5  # images of an episode
 # Two arrangements of the data set, and one in which the colour families meet.
 SCENES = (("red", "green"), ("cyan", "violet"), ("green", "yellow"))
 
@@ -43,7 +43,7 @@ class StoredEpisode(NamedTuple):
 
 
 def stages() -> dict[str, Setting]:
-    """The scenes by name; where the cubes lie is drawn as in a recording, from other seeds."""
+    """The scenes by name. Places of the cubes are drawn as in a recording, from other seeds."""
     drawn = [motions.draw(FIRST_SEED + i) for i in range(len(SCENES))]
     return {
         f"{left} and {right}": Setting((left, right), place.places_m, place.yaws_rad)
@@ -52,7 +52,7 @@ def stages() -> dict[str, Setting]:
 
 
 def side_of(stage: Setting, meaning: Meaning) -> str | None:
-    """Where the named cube stands, or None where there is no cube of its colour."""
+    """The side of the named cube; None if no cube has its colour."""
     at = dict(zip(stage.colours, SIDES, strict=True))
     return at.get(meaning.colour)
 
@@ -60,7 +60,7 @@ def side_of(stage: Setting, meaning: Meaning) -> str | None:
 def perform(
     trained: Trained, encoder: nn.Module, stage: Setting, instruction: str, meaning: Meaning
 ) -> StoredEpisode:
-    """Act out a sentence. Named colours that are not on the table make it no success."""
+    """Act a sentence. If no cube has the named colour, it is not a success."""
     episode = closed_loop.perform(stage, Actor(trained, encoder, instruction))
     side = side_of(stage, meaning)
     verdict = closed_loop.judge(episode, meaning.action, side or "left", meaning.speed)
@@ -70,7 +70,7 @@ def perform(
 
 
 def all_of(trained: Trained, encoder: nn.Module, progress=lambda jobs: jobs) -> list[StoredEpisode]:
-    """Every action, cube and speed in each of the scenes."""
+    """Episodes of every action, cube and speed in each of the scenes."""
     jobs = [
         (stage, Meaning(action, colour, speed))
         for stage in stages().values()
@@ -80,7 +80,7 @@ def all_of(trained: Trained, encoder: nn.Module, progress=lambda jobs: jobs) -> 
 
 
 def write(path, kept: list[StoredEpisode]) -> None:
-    """Keep episodes in one file; joints in radians and cubes in metres, single precision."""
+    """Store episodes in one file: joints in radians and cubes in metres, as float32."""
     write_arrays(
         path,
         instruction=np.array([one.instruction for one in kept]),
@@ -109,9 +109,10 @@ def load(path=None) -> list[StoredEpisode]:
 
 
 def strips_of(table: pd.DataFrame, successes: str) -> pd.DataFrame:
-    """Six rows of the table, three of each: one success of `successes` for each action, and the
-    first failure for each of the three most frequent reasons of all models' failures. Fewer, where
-    the table has none.
+    """Six rows of the table: a success of each action, and three failures.
+
+    The successes are the first ones of the model `successes`. The failures are the first of each of
+    the three most frequent reasons, over all models. There are fewer rows if the table lacks some.
     """
     own = table[table["condition"] == "test"]
     good = own[(own["model"] == successes) & (own["success"] == 1)]
@@ -123,7 +124,7 @@ def strips_of(table: pd.DataFrame, successes: str) -> pd.DataFrame:
 
 
 def video(trained: Trained, encoder: nn.Module, row) -> np.ndarray:
-    """An episode of the table, acted out again with the camera on: a few images, evenly spread."""
+    """Act an episode of the table again with the camera on: a few images, evenly spaced in time."""
     images = []
     actor = Actor(trained, encoder, row.sentence)
 
@@ -136,15 +137,22 @@ def video(trained: Trained, encoder: nn.Module, row) -> np.ndarray:
 
 
 def write_strips(path, rows: pd.DataFrame, models: list[Trained], encoder: nn.Module) -> None:
-    """Keep the film strips of rows of the table, acted by their models, with a line of text."""
+    """Store rows of images of episodes, with a line of text each.
+
+    Args:
+        rows: rows of the table.
+        models: the model of each row.
+    """
     videos = [video(one, encoder, row) for one, row in zip(models, rows.itertuples(), strict=True)]
     texts = [f"{row.model}: {row.sentence} ({row.reason})" for row in rows.itertuples()]
     write_arrays(path, strips=np.stack(videos), texts=np.array(texts))
 
 
 def keep(folder, table: pd.DataFrame, samples: Samples, weights) -> None:
-    """Write both files into a folder, each where it is not there and can be made: of the model
-    `CHOSEN` of seed 0, and of six rows of the table whose models lie in `weights`.
+    """Write the two files into a folder, each if it is missing and can be made.
+
+    The episodes are those of the model `CHOSEN` with seed 0. The rows of images are six rows of the
+    table. Their models must be in the folder `weights`.
     """
 
     def model(name: str, seed: int) -> Trained | None:

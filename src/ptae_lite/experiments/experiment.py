@@ -1,10 +1,11 @@
-"""One training, described completely: what is trained, how, on which data, with which labels.
+"""One training, described completely: the model, how it is trained, the data and the labels.
 
-Two experiments with the same hash are the same training. The hash is of the content (SHA-256 of
-names and numbers), so it is the same in every process, on every machine, and in any order of
-fields. All settings enter it, the unchanged ones too: where a default changes, so does the hash.
-What is off (False, 0, an empty text, None) is left out. So a setting that is added later, and that
-is off where nobody asks for it, changes no hash of before.
+Two experiments with the same hash are the same training. The hash is a SHA-256 of names and
+numbers. It does not depend on the process, the machine or the order of the fields. All settings are
+part of it, also those that have their default value. So if a default changes, the hash changes.
+
+Settings that are off (False, 0, an empty text, None) are left out. So a setting that is added
+later, and is off by default, does not change the hashes of earlier experiments.
 """
 
 from __future__ import annotations
@@ -12,47 +13,51 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
 from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
-from ptae_lite.models import MODELS
+from ptae_lite.experiments.labels import Labels, chosen
+from ptae_lite.models import MODELS, checkpoint
+from ptae_lite.models.checkpoint import Trained
+from ptae_lite.training import train
 
-LABELS = ("all", "random", "covering", "few updates")
 VIDEOS = ("noisy", "own episodes")
 
 
 @dataclass(frozen=True)
-class Labels:
-    """Which samples, or updates, have a label.
+class Experiment:
+    """A training. Its `config` and `recipe` are complete, and the recipe has the seed of all draws.
 
-    `chosen` is one of `LABELS`: all; `percent` of the samples, drawn at `random` or `covering`
-    every word (`labels.cover`); or all samples, but in `few updates` (the recipe says how many).
+    `fit`, `load`, `save`, `hash`, `file` and `base` are all that the runner asks of it. Trainings
+    of another kind (`encoder_training`) have the same.
+
+    Attributes:
+        model: a name in `models.MODELS`.
+        config: the model's sizes and choices.
+        recipe: how it is trained.
+        data: `Samples.fingerprint`: the name of the data and the hash of their content.
+        split: the samples that are trained on.
+        labels: which of them have a label.
+        videos: further videos beside the recorded ones: one of `VIDEOS`, or none; see `videos`.
+        base: the experiment whose model makes the videos of `own episodes`.
+        name: the name of its file of weights. It is not part of the hash.
+
+    Raises:
+        ConfigError: there are no such videos.
     """
 
-    chosen: str = "all"
-    percent: float = 100
-
-    def __post_init__(self):
-        if self.chosen not in LABELS:
-            raise ConfigError(f"no labels {self.chosen!r}; there are {', '.join(LABELS)}")
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """A training. `config` and `recipe` are complete; the recipe holds the seed of every draw."""
-
-    model: str  # a name in `models.MODELS`
-    config: Any  # the model's sizes and choices
-    recipe: Any  # how it is trained
-    data: str  # `Samples.name` and the hash of their content
+    model: str
+    config: Any
+    recipe: Any
+    data: str
     split: str = "train"
     labels: Labels = Labels()
-    videos: str = ""  # one of `VIDEOS`, beside the recorded ones; see `videos`
-    base: Experiment | None = None  # whose `own episodes` they are
-    name: str = field(default="", compare=False)  # of the file of its weights; not of the training
+    videos: str = ""
+    base: Experiment | None = None
+    name: str = field(default="", compare=False)
 
     def __post_init__(self):
         if self.videos and self.videos not in VIDEOS:
@@ -60,37 +65,79 @@ class Experiment:
 
     @property
     def seed(self) -> int:
+        """The seed of all draws."""
         return self.recipe.seed
 
     @property
     def file(self) -> str:
-        """The name of its weights in a folder, such as `ptae_no_blends_seed0.safetensors`."""
+        """The file name of its weights, such as `ptae_no_mixup_seed0.safetensors`."""
         name = (self.name or self.model).lower().replace(", ", "_").replace(" ", "_")
         return f"{name}_seed{self.seed}.safetensors"
 
     @cached_property
     def hash(self) -> str:
-        """64 hexadecimal digits, which stand in the weights as `about["experiment"]`."""
-        content = asdict(self)
-        del content["name"], content["base"]
-        content |= {"base": self.base.hash if self.base else None}
+        """The hash, 64 hexadecimal digits. The weights have it as `about["experiment"]`."""
+        every = asdict(self) | {"base": self.base.hash if self.base else None}
+        content = {one.name: every[one.name] for one in fields(self) if one.compare}
         text = json.dumps(_canonical(content), sort_keys=True, allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
+
+    def load(self, path) -> Trained:
+        """What `save` wrote."""
+        return checkpoint.load(path)
+
+    def save(self, path, trained: Trained) -> None:
+        """Write what `fit` made."""
+        checkpoint.save(path, trained)
+
+    def fit(
+        self, samples: Samples, base: Trained | None = None, watch=None, unfinished=None, **options
+    ) -> Trained:
+        """Train it. The model says in `about` which `experiment` it is.
+
+        Args:
+            base: the trained `base` of this experiment.
+            watch: see `runner.Study`.
+            unfinished: the file of its state while it runs, see `training.train`.
+            options: `device` and `progress`, see `training.train`.
+
+        Raises:
+            ConfigError: the experiment is of other samples.
+        """
+        if samples.fingerprint != self.data:
+            raise ConfigError(f"the experiment is of {self.data}, not of {samples.fingerprint}")
+        made = None
+        if self.videos:
+            from ptae_lite.experiments import videos
+
+            made = videos.make(self.videos, samples, samples.split(self.split), self.seed, base)
+
+        def look(epoch: int, trained: Trained) -> dict | None:
+            return None if watch is None else watch(trained, samples, epoch)
+
+        own = chosen(samples, self.split, self.labels, self.seed)
+        trained = train(
+            samples, self.recipe, model=self.model, config=self.config, split=self.split,
+            labelled=own, limited=self.labels.chosen == "few updates", videos=made,
+            unfinished=unfinished, on_epoch=look, **options,
+        )  # fmt: skip
+        trained.about["experiment"] = self.hash
+        return trained
 
 
 def experiment(
     samples: Samples, model: str = "ptae", config: Mapping | None = None,
     recipe: Mapping | None = None, seed: int = 0, **more,
 ) -> Experiment:  # fmt: skip
-    """The regular training of a model, but for some settings.
+    """The regular training of a model, with some settings changed.
 
     Args:
-        config: what differs from the model's own choices, by name.
-        recipe: what differs from the model's own recipe in `MODELS`, by name.
+        config: settings of the model's configuration to change, by name.
+        recipe: settings of the model's recipe in `MODELS` to change, by name.
         more: other fields of `Experiment`.
 
     Raises:
-        ConfigError: no such model.
+        ConfigError: there is no such model, or a value makes no sense.
     """
     if model not in MODELS:
         raise ConfigError(f"no model {model!r}; there are {', '.join(MODELS)}")
@@ -100,7 +147,10 @@ def experiment(
 
 
 def _canonical(value):
-    """Numbers as floats, so that 10 and 10.0 are one; what is off is left out of a mapping."""
+    """The value in one form for the hash.
+
+    Numbers become floats, so that 10 and 10.0 are the same. Settings that are off are left out.
+    """
     if isinstance(value, Mapping):
         return {name: _canonical(one) for name, one in value.items() if one}
     if isinstance(value, (list, tuple)):

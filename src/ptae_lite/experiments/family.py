@@ -1,8 +1,8 @@
-"""The family: PTAE, the models before it, and what each of PTAE's choices is worth.
+"""The family: PTAE, the models before it, and how much each of PTAE's choices matters.
 
-Every row of `family.csv` is one training on all training samples, scored on the test samples.
-`CLAIMS` says which rows test which sentence of the paper. Curves of describe accuracy by updates
-and by seconds of computing go to `family_curves.csv`.
+A row of `family.csv` is one training on all training samples, scored on the test samples. `CLAIMS`
+says which rows test which sentence of the paper. `family_curves.csv` has describe accuracy during
+the trainings, by updates and by seconds of computing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,12 @@ from ptae_lite.models.checkpoint import Trained
 
 
 class Variant(NamedTuple):
-    """What is trained: a model, and how its configuration and recipe differ from the regular."""
+    """What is trained: a model, and how it differs from the regular one.
+
+    Args:
+        choices: settings of its configuration.
+        recipe: settings of its recipe.
+    """
 
     model: str
     choices: dict = {}
@@ -50,15 +55,16 @@ VARIANTS = {
     "PTAE, long": Variant("ptae", recipe={"epochs": 8 * MODELS["ptae"].recipe.epochs}),
     "PGAE, long": Variant("pgae", recipe={"epochs": 8 * MODELS["pgae"].recipe.epochs}),
 }
-REGULAR = tuple(name for name in VARIANTS if "long" not in name)  # those take half an hour each
-# Sentences of the paper, and the two rows that each is about: what it says is better, and worse.
+REGULAR = tuple(name for name in VARIANTS if "long" not in name)  # long ones: half an hour each
+# Sentences of the paper, and the two variants that each compares. Of the first two sentences, the
+# first variant is the one that the paper calls better.
 CLAIMS = {
     "language as query is better than action": ("PTAE", "PTAE, action as query"),
     "repeat both helps PGAE": ("PGAE", "PGAE, no repeat both"),
     "repeat both does not help PTAE": ("PTAE", "PTAE, repeat both"),
     "word weights are unnecessary for PTAE": ("PTAE", "PTAE, class-weighted words"),
     "LSTM encoders change nothing": ("PTAE", "PTAE, LSTM encoders"),
-}  # that PTAE converges in less than half of PGAE's updates is a matter of `updates_to`
+}  # `updates_to` is about the claim that PTAE converges in less than half of PGAE's updates
 KEY = ["data", "variant", "seed"]
 SEEDS = 3  # of each variant, before two are compared
 EVERY = 5  # epochs between two points of a curve
@@ -70,7 +76,7 @@ def experiment_of(samples: Samples, data: str, variant: str, seed: int) -> Exper
 
 
 def watch(trained: Trained, samples: Samples, epoch: int) -> dict | None:
-    """A point of a curve, after every `EVERY` epochs and the last."""
+    """A point of a curve, after every `EVERY` epochs and after the last."""
     epochs = trained.about["recipe"]["epochs"]
     if epoch % EVERY and epoch != epochs:
         return None
@@ -81,7 +87,7 @@ def watch(trained: Trained, samples: Samples, epoch: int) -> dict | None:
 
 
 def described(trained: Trained, samples: Samples):
-    """Which test samples are described right."""
+    """Which test samples are described correctly."""
     test = samples.split("test")
     answer = respond(trained, Source(trained.dataset(samples)), test, "describe")
     return correct(answer, samples, test)
@@ -101,7 +107,7 @@ def score(trained: Trained, samples: Samples, data: str, variant: str, seed: int
         f"execute_{name.replace(' ', '_')}": paper
         for name, (paper, _) in execute_errors(trained, samples).items() if name != "as trained"
     }  # fmt: skip
-    scored |= {  # what little knowledge gives, on these data
+    scored |= {  # the references of `baselines`, on these data
         f"reference_{name.replace(' ', '_')}": paper
         for name, (paper, _) in references(samples, trained.scaling).items()
     }
@@ -123,14 +129,14 @@ STUDY = Study("family.csv", KEY, experiment_of, score,
 
 def study(samples: Samples, folder, variants=REGULAR, seeds=(0, 1, 2), weights=None,
           **where) -> pd.DataFrame:  # fmt: skip
-    """Every variant of a seed before the next seed; see `runner.run`."""
+    """Run every variant with one seed, then with the next; see `runner.run`."""
     check_names(variants, VARIANTS, "variant")
     jobs = [(samples.name, variant, seed) for seed in seeds for variant in variants]
     return run(STUDY, samples, jobs, folder, weights, **where)
 
 
 def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
-    """Each variant's median of some columns over the seeds, with the smallest and the largest."""
+    """Each variant's median of some columns over the seeds, with the lowest and the highest."""
 
     def written(values: pd.Series) -> str:
         if len(values) == 1:
@@ -141,10 +147,11 @@ def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
 
 
 def clearly_better(table: pd.DataFrame, one: str, other: str, column: str) -> str:
-    """The variant that is better in `column` with every seed than the other with any; or `neither`.
+    """The variant that is better in `column`: its worst seed is better than the other's best.
 
-    Of two equal variants with three seeds each, one comes out better by chance once in ten times;
-    with fewer than `SEEDS` for either, the answer is `too few trainings`.
+    The answer is `neither` if there is none, and `too few trainings` if one variant has less than
+    `SEEDS` seeds. If two variants with three seeds each are equally good, one of them looks better
+    in this sense once in ten times.
     """
     sign = 1 if column.endswith("accuracy") else -1
     scores = [sign * table[table["variant"] == name][column] for name in (one, other)]
@@ -156,7 +163,7 @@ def clearly_better(table: pd.DataFrame, one: str, other: str, column: str) -> st
 
 
 def claims(table: pd.DataFrame) -> pd.DataFrame:
-    """For each of `CLAIMS`, which of its two variants is clearly better, in four measures."""
+    """For each of `CLAIMS`: which of its two variants is clearly better, in four scores."""
     columns = ("describe_accuracy", "repeat_language_accuracy", "execute_nrmse",
                "repeat_action_nrmse")  # fmt: skip
     rows = [
@@ -168,7 +175,10 @@ def claims(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def updates_to(curves: pd.DataFrame, percent: float) -> pd.DataFrame:
-    """Updates and seconds after which a training first described `percent` right, and stayed."""
+    """Updates and seconds after which a training stays at `percent` describe accuracy or more.
+
+    NaN if it never does.
+    """
     rows = []
     for (variant, seed), curve in curves.groupby(["variant", "seed"], sort=False):
         below = np.flatnonzero(curve["describe_accuracy"].to_numpy() < percent)
@@ -183,6 +193,7 @@ def updates_to(curves: pd.DataFrame, percent: float) -> pd.DataFrame:
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser)
     options.weights(parser)
@@ -191,6 +202,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     table = study(samples, given.out, given.variants, given.seeds, given.weights,
                   **options.where(given))  # fmt: skip

@@ -1,16 +1,17 @@
-"""Incongruence: what a model is given when word and deed shall disagree (paper, section 4.4).
+"""Incongruence: what a model gets if language and action disagree (paper, section 4.4).
 
-A conflict is put into the *extra* input, the one that the task could do without:
+A conflict is put into the *extra* input, which the task could do without:
 
-- `language` for describe and repeat action: instead of EOS alone, the query is a whole sentence
-  with 1 to 3 false words (action, colour, speed);
-- `action` for execute and repeat language: instead of the first frame standing still, keys and
-  values are the moving clip of a partner sample that differs in action, position or speed. Or only
-  the `vision` or the `proprioception` is the partner's, and the rest the sample's own clip.
+- `language` for *describe* and *repeat action*: the query is a whole sentence with 1 to 3 false
+  words (action, colour, speed), instead of EOS alone;
+- `action` for *execute* and *repeat language*: keys and values are the moving clip of a partner
+  sample with another action, position or speed, instead of the first frame repeated. Or only its
+  `vision` or its `proprioception` is the partner's, and the rest is the sample's own clip.
 
-Decoder video, start pose, clip length and the answer asked for stay the true ones, as published.
-Without a conflict the paper has the regular input. That differs in format as well, so there are
-controls that the paper lacks: the extra input in the conflict's format, all of it true.
+The decoder's video, the start pose, the clip length and the right answer stay true, as published.
+
+Without a conflict the paper uses the regular input. Its format differs from that of a conflict. So
+there are controls that the paper does not have: the extra input in the conflict's format, but true.
 """
 
 from __future__ import annotations
@@ -51,15 +52,14 @@ ANSWERS_WORDS = ("describe", "repeat language")
 
 
 class Condition(NamedTuple):
-    """A signal and what is put into its extra input.
+    """A signal, and what is put into its extra input.
 
-    `conflict_in` is one of `PLACES`, with the aspects that are false; or, with none:
-
-    - `none`: the regular input;
-    - `congruent`: the conflict's format with the sample's own sentence, or its own clip;
-    - `congruent_other`: with another wording of the sentence, or the clip of another variation of
-      the same pattern;
-    - `blank` (execute alone): keys and values are zero.
+    Args:
+        conflict_in: where the conflict is, one of `PLACES`; or a control without a conflict: `none`
+            (the regular input), `congruent` (the conflict's format with the sample's own sentence
+            or clip), `congruent_other` (with another wording of the sentence, or the clip of
+            another variation of the pattern), `blank` (*execute* only: keys and values are zero).
+        aspects: which aspects are false, in the order of `ASPECTS`.
     """
 
     signal: str
@@ -68,7 +68,11 @@ class Condition(NamedTuple):
 
 
 def conflict_sets(signal: str, conflicts: int) -> tuple[tuple[str, ...], ...]:
-    """Every choice of that many conflicting aspects for a signal: 1, 3, 3 or 1 choices."""
+    """Every choice of `conflicts` aspects of a signal: 1, 3, 3 or 1 choices for 0 to 3 conflicts.
+
+    Raises:
+        ConfigError: `conflicts` is not 0 to 3, or the signal has no conflicts.
+    """
     aspects = ASPECTS[_extra_input(signal)]
     if conflicts not in range(4):
         raise ConfigError(f"{conflicts} conflicts do not exist; there are 0, 1, 2 or 3")
@@ -76,7 +80,7 @@ def conflict_sets(signal: str, conflicts: int) -> tuple[tuple[str, ...], ...]:
 
 
 def conditions(signal: str) -> list[Condition]:
-    """All that a signal is tried under: 10 for a conflict in language, 24 or 25 in action."""
+    """All conditions of a signal: 10 for conflicts in language, 24 or 25 for those in action."""
     controls = ["none", "congruent", "congruent_other", *(["blank"] if signal == "execute" else [])]
     return [
         *(Condition(signal, control) for control in controls),
@@ -96,7 +100,11 @@ def _extra_input(signal: str) -> str:
 
 
 def check(condition: Condition) -> None:
-    """Raise `ConfigError` where a condition does not exist, with those that do."""
+    """Check that a condition exists.
+
+    Raises:
+        ConfigError: it does not. The message lists those that do.
+    """
     signal, place, aspects = condition
     kind = _extra_input(signal)
     for aspect in aspects:
@@ -115,7 +123,10 @@ def check(condition: Condition) -> None:
 
 
 def false_sentence(text: str, aspects, rng: np.random.Generator) -> str:
-    """`text` with a false word for each aspect: any other of its class, in the same register."""
+    """`text` with a false word for each aspect: another word of its class.
+
+    A first word is replaced by a first word, and a synonym by a synonym.
+    """
     words = text.split()
     for place, aspect in enumerate(Meaning._fields):
         if aspect in aspects:
@@ -126,9 +137,9 @@ def false_sentence(text: str, aspects, rng: np.random.Generator) -> str:
 
 
 def partner(pattern: Pattern, aspects, rng: np.random.Generator) -> Pattern:
-    """A pattern in the same arrangement that differs in exactly these aspects of the action.
+    """A pattern in the same arrangement that differs in exactly these aspects.
 
-    A position conflict is also a colour conflict in the sentence that would describe the partner.
+    A partner with another position acts on the other cube, so its sentence has another colour, too.
     """
     action, side, speed = pattern.action, pattern.side, pattern.speed
     if "action" in aspects:
@@ -141,10 +152,13 @@ def partner(pattern: Pattern, aspects, rng: np.random.Generator) -> Pattern:
 
 
 def extra_inputs(samples: Samples, indices, condition: Condition, seed: int = 0) -> list:
-    """What the extra input says: sentences (str), or sample numbers whose clips are shown (int).
+    """The content of the extra input: sentences (str), or sample numbers of clips (int).
 
-    Draws come from `seed` alone. A conflicting clip is of the sample's arrangement and variation
-    number. Without an extra input (`none`, `blank`) this is what the sample itself would say.
+    The draws depend on `seed` alone. A partner has the sample's arrangement and variation number.
+    Without an extra input (`none`, `blank`) this is the sample's own sentence or number.
+
+    Raises:
+        ConfigError: there is no such condition.
     """
     check(condition)
     signal, place, aspects = condition
@@ -166,16 +180,21 @@ def extra_inputs(samples: Samples, indices, condition: Condition, seed: int = 0)
 
 
 def disturb_language(batch: Batch, texts: list[str]) -> Batch:
-    """The batch with whole sentences in the query, where the task has EOS alone."""
+    """The batch with whole sentences in the query."""
     tokens = batch.tokens.clone()
     tokens[:, 1:] = torch.tensor([encode(text) for text in texts])
     return replace(batch, tokens=tokens, token_mask=torch.ones_like(batch.token_mask))
 
 
 def disturb_action(batch: Batch, source: Source, seen, felt) -> Batch:
-    """The batch with moving clips as keys and values: of which samples the video, and the joints.
+    """The batch with moving clips as keys and values.
 
-    Each keeps its own length and is zero behind it. Where frames ask, those of the longer one do.
+    Each clip keeps its length and is zero after its end. The clip length of a sample is the longer
+    of the two; it counts if frames are queries.
+
+    Args:
+        seen: numbers of the samples whose video is used.
+        felt: numbers of the samples whose joints are used.
     """
     seen, felt = (torch.as_tensor(np.asarray(samples)) for samples in (seen, felt))
     keys = torch.cat([source.features[seen], source.joints[felt]], dim=2)
@@ -185,9 +204,13 @@ def disturb_action(batch: Batch, source: Source, seen, felt) -> Batch:
 def respond_under(
     trained: Trained, source: Source, indices, condition: Condition, seed: int = 0, extra=None
 ) -> Answer:
-    """A model's answers, for all samples in order, under one condition.
+    """A model's answers under one condition, for all samples in order.
 
-    `extra` are the extra inputs, as `extra_inputs` gives them; drawn from the seed if None.
+    Args:
+        extra: the extra inputs, see `extra_inputs`; None to draw them from the seed.
+
+    Raises:
+        ConfigError: there is no such condition.
     """
     check(condition)
     signal, place, _ = condition

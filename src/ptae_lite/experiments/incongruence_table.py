@@ -1,12 +1,12 @@
-"""The study of incongruence as a table: each model under each condition, and who is followed.
+"""The study of incongruence: each model under each condition, and what its answers follow.
 
 Three models are compared, each with several seeds:
 
 - `ptae`: the regular one;
-- `ptae_two_way`: words ask the frames and frames ask the words, which the paper's discussion
-  proposes as a remedy of the asymmetry; twice the epochs, or it repeats no language reliably;
+- `ptae_two_way`: words query the frames and frames query the words. The paper's discussion proposes
+  this against the asymmetry. It has twice the epochs; with fewer it repeats no language reliably;
 - `ptae_congruent`: the regular one, but half of its training samples, of all signals, have a true
-  extra input. So the format of a conflict is nothing new to it.
+  extra input. So it knows the format of a conflict.
 """
 
 from __future__ import annotations
@@ -43,7 +43,12 @@ KEY = [*TRAINING, "signal", "conflict_in", "conflicts", "aspects"]
 
 
 class Variant(NamedTuple):
-    """How a model and its training differ from the regular ones."""
+    """How a model and its training differ from the regular ones.
+
+    Args:
+        choices: settings of its configuration.
+        recipe: settings of its recipe.
+    """
 
     choices: dict = {}
     recipe: dict = {}
@@ -60,9 +65,11 @@ def asked_under(
     trained: Trained, source: Source, indices, condition: Condition, seed: int,
     motions: answer_source.Motions,
 ) -> dict:  # fmt: skip
-    """Accuracy, or NRMSE by the paper's definition and over valid frames; and who is followed.
+    """The scores of a model under one condition, and what its answers follow.
 
-    `nearest_truth` is the share of motions that are nearest to the true mean, at any distance.
+    `accuracy` is percent. `nrmse` is by the paper's definition, `nrmse_valid` over valid frames.
+    `nearest_truth` is the percentage of motions whose nearest mean motion is the true one, at any
+    distance. The others are those of `answer_source.shares`.
     """
     samples, signal = source.dataset.samples, condition.signal
     extra = extra_inputs(samples, indices, condition, seed)
@@ -90,7 +97,7 @@ def rows_of(
     trained: Trained, samples: Samples, seed: int = 0, split: str = "test",
     wanted: Sequence[Condition] = ALL,
 ) -> pd.DataFrame:  # fmt: skip
-    """One model under all conditions, or some; `seed` is that of the draws."""
+    """One model under the `wanted` conditions, a row each. `seed` is the seed of the draws."""
     source, indices = Source(trained.dataset(samples)), samples.split(split)
     motions = answer_source.Motions(samples, trained.scaling)
     rows = []
@@ -119,7 +126,7 @@ STUDY = Study(FILE, TRAINING, experiment_of, score, order=KEY)
 
 def study(samples: Samples, folder, models=tuple(MODELS), seeds=(0, 1, 2), weights=None,
           **where) -> pd.DataFrame:  # fmt: skip
-    """Every model of a seed before the next seed; see `runner.run`."""
+    """Run every model with one seed, then with the next; see `runner.run`."""
     check_names(models, MODELS, "model")
     jobs = [(samples.name, name, seed) for seed in seeds for name in models]
     run(STUDY, samples, jobs, folder, weights, **where)
@@ -127,15 +134,15 @@ def study(samples: Samples, folder, models=tuple(MODELS), seeds=(0, 1, 2), weigh
 
 
 def read(path) -> pd.DataFrame:
-    """The table; an empty text in its file would read as a gap."""
+    """The table. An empty text, which a file gives back as a missing value, is empty again."""
     return pd.read_csv(path).fillna({"aspects": ""})
 
 
 def damage(table: pd.DataFrame) -> pd.DataFrame:
-    """For each model, seed and signal what the conflict's format costs, and what three conflicts.
+    """The harm of the conflict's format and of three conflicts, for each model, seed and signal.
 
-    `format`: from the regular input to the congruent one; `conflict`: from there to three
-    conflicts. In points of accuracy lost, or of NRMSE added.
+    `format` is the change from the regular to the congruent input, and `conflict` from there to
+    three conflicts. Both are points of accuracy lost, or points of NRMSE added.
     """
     rows = []
     for (model, seed, signal), part in table.groupby(["model", "seed", "signal"], sort=False):
@@ -150,6 +157,7 @@ def damage(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser)
     options.weights(parser)
@@ -158,6 +166,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     table = study(samples, given.out, given.models, given.seeds, given.weights,
                   **options.where(given, "models"))  # fmt: skip

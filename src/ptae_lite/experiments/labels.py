@@ -1,19 +1,45 @@
-"""Which samples get a label, and what the linear baseline learns from them."""
+"""Which samples have a label, and what the linear baseline learns from them."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Int
 
 from ptae_lite.baselines import linear_describe
 from ptae_lite.data.samples import Samples
-from ptae_lite.experiments.experiment import Labels
+from ptae_lite.errors import ConfigError
 from ptae_lite.language import Meaning, patterns, words_of
 from ptae_lite.training import label
 
+LABELS = ("all", "random", "covering", "few updates")
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Which samples, or which updates, have a label.
+
+    Attributes:
+        chosen: `all`; `random`, that is `percent` of the samples, drawn at random; `covering`, the
+            same but drawn so that they have every word (`labels.cover`); or `few updates`: all
+            samples have a label, but few updates use one (the recipe says how many).
+        percent: share of the samples, above 0 to 100.
+
+    Raises:
+        ConfigError: there is no such choice.
+    """
+
+    chosen: str = "all"
+    percent: float = 100
+
+    def __post_init__(self):
+        if self.chosen not in LABELS:
+            raise ConfigError(f"no labels {self.chosen!r}; there are {', '.join(LABELS)}")
+
 
 def chosen(samples: Samples, split: str, labels: Labels, seed: int) -> Int[np.ndarray, " M"] | None:
-    """Numbers of the samples of a split that have a label; None: all have."""
+    """Numbers of the samples of a split that have a label; None if all have one."""
     if labels.chosen == "random":
         return label(samples.split(split), labels.percent, seed)
     if labels.chosen == "covering":
@@ -22,10 +48,11 @@ def chosen(samples: Samples, split: str, labels: Labels, seed: int) -> Int[np.nd
 
 
 def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.ndarray, " M"]:
-    """As many labelled samples as `label` draws, chosen so that every word is named evenly.
+    """Draw as many labelled samples as `label`, but so that all words appear about equally often.
 
-    One after the other: of the samples whose words were named least so far, any one; a word of a
-    large class counts more, so the first six name all six colours. Synonyms are one word.
+    Samples are taken one after the other: always a random one of those whose words appeared least
+    so far. A word of a large class weighs more, so the first six samples have all six colours.
+    Synonyms count as one word.
     """
     count = len(label(train, share_percent, seed))
     left = np.random.default_rng([9, seed]).permutation(train)
@@ -42,7 +69,7 @@ def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.nd
 
 
 def linear_scores(samples: Samples, labelled, split: str = "test") -> dict[str, float]:
-    """Percent of a split that `baselines.linear_describe` says right, and of each word."""
+    """Percentage of a split for which `baselines.linear_describe` is right; and of each word."""
     indices = samples.split(split)
     said = linear_describe(samples, labelled, indices)
     pairs = [(a, _meaning(samples, i)) for a, i in zip(said, indices, strict=True)]

@@ -1,4 +1,4 @@
-"""The options of the command `study NAME` that several studies share, and what it prints."""
+"""Options that several studies share, and what the command `study NAME` prints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ from ptae_lite.data.samples import Samples
 
 
 def trainings(parser: ArgumentParser, seeds=(0, 1, 2), cluster: bool = True) -> None:
-    """Which trainings, and where they are done."""
+    """Add the options that say which trainings are run, and where.
+
+    Args:
+        cluster: whether the study can run on a Dask cluster.
+    """
     parser.add_argument("--seeds", type=whole_number(0), nargs="+", default=seeds, metavar="SEED",
                         help="one training for each")  # fmt: skip
     parser.add_argument("--workers", type=whole_number(1), default=joblib.cpu_count(),
@@ -26,7 +30,7 @@ def trainings(parser: ArgumentParser, seeds=(0, 1, 2), cluster: bool = True) -> 
 
 
 def where(given, what: str = "trainings") -> dict:
-    """Where `runner.run` does the work, with a progress bar of so many `what`."""
+    """The arguments of `runner.run` that say where the work is done, with a progress bar."""
     return {
         "workers": given.workers, "cluster": given.cluster,
         "progress": lambda results, total: bar(results, total=total, desc=what),
@@ -34,14 +38,14 @@ def where(given, what: str = "trainings") -> dict:
 
 
 def weights(parser: ArgumentParser, default: str | None = None) -> None:
-    """A folder that trained models are taken from and kept in."""
+    """Add the option for a folder of trained models."""
     parser.add_argument("--weights", metavar="FOLDER", default=default,
                         help="of trained models: those there are not trained again, and the others "
                              "are kept there")  # fmt: skip
 
 
 def samples(given) -> Samples:
-    """What `cli.data_options` asks for."""
+    """The samples that the options of `cli.data_options` name."""
     return data.load_samples(given.data, given.holdout)
 
 

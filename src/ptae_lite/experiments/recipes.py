@@ -1,8 +1,8 @@
-"""Which recipe serves few labels best? Scored on held-out training patterns, never on the test.
+"""Which recipe is best with few labels? Scored on held-out training patterns, never on the test.
 
-PTAE with a tenth of the labels is trained on the patterns of the split `fit`, by the recipe of
-`experiments.supervision` and by others that differ from it in one choice. With one seed all of them
-have the same labelled samples.
+PTAE with a tenth of the labels is trained on the split `fit`: by the recipe of
+`experiments.supervision`, and by others that differ from it in one choice. With the same seed, all
+of them have the same labelled samples.
 """
 
 from __future__ import annotations
@@ -27,7 +27,12 @@ REGULAR = MODELS["ptae"].recipe
 
 
 class Choice(NamedTuple):
-    """What is asked of a recipe, and the numbers that it changes."""
+    """A recipe to compare.
+
+    Args:
+        says: what it changes, in words.
+        changes: the settings of the recipe that it changes.
+    """
 
     says: str
     changes: dict
@@ -49,7 +54,7 @@ KEY = ["data", "choice", "seed"]
 
 
 def job_of(seed: int) -> Job:
-    """What is trained in every choice: the study's job, with another recipe."""
+    """The job of the study of supervision; every choice trains it with another recipe."""
     return Job("ptae", "samples", "balanced", SHARE, seed)
 
 
@@ -60,7 +65,7 @@ def experiment_of(samples: Samples, data: str, choice: str, seed: int) -> Experi
 
 
 def score(trained: Trained, samples: Samples, data: str, choice: str, seed: int) -> pd.DataFrame:
-    """Its row: what the study of few labels says, of held-out patterns."""
+    """A row: the scores of the study of supervision, on held-out patterns."""
     row = supervision.score(trained, samples, job_of(seed), split="fit")[supervision.FILE]
     row["choice"] = choice
     dropped = (*KEY, "model", "mode", "variant", "share")
@@ -72,13 +77,14 @@ STUDY = Study("recipes.csv", KEY, experiment_of, score)
 
 def study(samples: Samples, folder, choices=tuple(CHOICES), seeds=(0, 1),
           **where) -> pd.DataFrame:  # fmt: skip
-    """Every choice of a seed before the next seed; see `runner.run`."""
+    """Run every choice with one seed, then with the next; see `runner.run`."""
     check_names(choices, CHOICES, "choice")
     jobs = [(samples.name, choice, seed) for seed in seeds for choice in choices]
     return run(STUDY, samples, jobs, folder, **where)
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser, seeds=(0, 1))
     parser.add_argument("--variants", nargs="+", metavar="NAME", default=tuple(CHOICES),
@@ -86,6 +92,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     table = study(samples, given.out, given.variants, given.seeds, **options.where(given))
     return options.result(given, STUDY.file, table, samples)

@@ -1,7 +1,7 @@
-"""The studies by the name that the command `study` knows them by.
+"""The studies, by the name that the command `study` uses.
 
-To add one, write a file beside these and enter it here: its docstring's first line is its help,
-`add_options` declares what it understands, and `command` runs it (`book/api/extend.md`).
+To add one, write a file beside these and enter it here. The first line of its docstring is its
+help, `add_options` declares its options, and `command` runs it (`book/api/extend.md`).
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
 """Limited supervision: how good is a model when few updates, or few samples, have a label?
 
-Two experiments of the paper. *Iterations*: every sample has a label, but only a share of the
-updates uses one. *Samples*: the labelled samples are a fixed list, drawn anew with each seed; they
-alone serve the signals that need a label, and the others serve the repeat signals. (In the
-published script the list is of batch positions, and the order is shuffled every epoch, so in the
-end every sample is used with its label.)
+These are two experiments of the paper. *Iterations*: every sample has a label, but only a share of
+the updates uses one. *Samples*: the labelled samples are a fixed list, drawn anew with each seed.
+Only they take part in signals that need a label; the others take the repeat signals. (The published
+script lists positions of batches instead of samples, and shuffles the samples every epoch. So in
+the end it uses every sample with its label.)
 
-A row of `supervision.csv` is one training, or one draw of labels for the linear baseline, scored
-on the test samples. `supervision_sentences.csv` keeps what a model says of a few test clips.
+A row of `supervision.csv` is one training, or one draw of labels for the linear baseline, scored on
+the test samples. `supervision_sentences.csv` has what a model says of a few test clips.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SHARES = {  # percent: of the 648 training samples, and of the updates
     "iterations": (1, 2, 10, 20, 50, 66.6),
 }
 REGULAR = {"samples": 100, "iterations": 66.6}  # one training: chapter 03's
-ORDER = (10, 2, 50, 20, 5, 1, 66.6, 100)  # a part of the grid spans all of it
+ORDER = (10, 2, 50, 20, 5, 1, 66.6, 100)  # so that a stopped study already covers the range
 DRAWS = 20  # of labels for the linear baseline, which takes no time
 SEEDS = (0, 1, 2)
 KEY = ["model", "data", "mode", "variant", "share", "seed"]
@@ -50,7 +50,12 @@ SHOWN = 6  # test clips whose descriptions are kept
 
 
 class Variant(NamedTuple):
-    """How labelled samples are shown."""
+    """How labelled samples are used.
+
+    Args:
+        recipe: settings of the recipe to change.
+        times: factor on the number of epochs.
+    """
 
     recipe: dict = {}
     times: int = 1  # as many epochs
@@ -62,14 +67,21 @@ VARIANTS = {
     "balanced": Variant(),  # half of every batch has a label
     "shuffled-scenes": Variant(
         {"shuffle_scenes": True}
-    ),  # and a sentence to repeat comes with another's scene
+    ),  # balanced, and a sentence to repeat comes with the scene of another sample
     "covering": Variant(),  # balanced, too; the labelled samples name every word
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
 
 
 class Job(NamedTuple):
-    """One row to be made; two of the regular training."""
+    """One row to make. The regular training stands in two rows.
+
+    Args:
+        model: `ptae`, `pgae`, `pvae` or `linear`.
+        mode: `samples` or `iterations`.
+        variant: a name in `VARIANTS`; for `linear`, how its labels are drawn.
+        share: percent of the samples, or of the updates.
+    """
 
     model: str
     mode: str
@@ -79,22 +91,25 @@ class Job(NamedTuple):
 
     @property
     def regular(self) -> bool:
-        """Are all labels used, and as often as in chapter 03? There are no variants of that."""
+        """Whether all labels are used as often as in chapter 03. Variants are then the same."""
         return self.share == REGULAR[self.mode]
 
 
 def grid(seeds=None, core: bool = False) -> list[Job]:
     """Every job of the study, in order.
 
-    First what takes no time, with all its draws whatever the seeds; then seed by seed what the
-    figures need, then the variants, which are left out of the `core`.
+    First comes the linear baseline, which takes no time, with all its draws. Then come, seed by
+    seed, the trainings that the figures need, then the variants.
+
+    Args:
+        core: leave out the variants.
     """
     found = [
         Job("linear", "samples", variant, share, seed)
         for variant in ("random", "covering") for share in SHARES["samples"][:-1]
         for seed in range(DRAWS)
     ]  # fmt: skip
-    found += [Job("linear", "samples", "random", 100, 0)]  # of all labels there is one draw
+    found += [Job("linear", "samples", "random", 100, 0)]  # all labels can be drawn in one way only
 
     def more(model, mode, variant, seed, *shares):
         found.extend(Job(model, mode, variant, s, seed) for s in ORDER if s in shares)
@@ -116,24 +131,24 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
 
 
 def _once(job: Job) -> Job:
-    """The job itself; the regular training under one name."""
+    """The job; all forms of the regular training become one."""
     if job.model == "linear" or not job.regular:
         return job
     return job._replace(mode="samples", variant="paper", share=REGULAR["samples"])
 
 
 def _names(job: Job) -> list[Job]:
-    """A job as its rows are named: the regular training has two, but of PVAE."""
+    """The rows of a job: the regular training has two, except that of PVAE."""
     if not job.regular or job.model in ("linear", "pvae"):
         return [job]
     return [job, job._replace(mode="iterations", share=REGULAR["iterations"])]
 
 
 def select(jobs: list[Job], **asked) -> list[Job]:
-    """The jobs that have one of the asked values (`None`: any) in each of these fields.
+    """The jobs that have, in each of these fields, one of the given values (None: any value).
 
     Raises:
-        ConfigError: no job has such a value, or none has all of them together.
+        ConfigError: no job has such a value, or no job has all of them together.
     """
     named = [(job, name) for job in jobs for name in _names(job)]
     for field, values in asked.items():
@@ -153,11 +168,14 @@ def select(jobs: list[Job], **asked) -> list[Job]:
 
 def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
                   split: str = "train") -> Experiment | None:  # fmt: skip
-    """The training of a job; None for the linear baseline, which needs none.
+    """The training of a job; None for the linear baseline, which is not trained.
 
     Args:
-        recipe: the model's own if None.
-        split: `fit` while settings are chosen.
+        recipe: None for the model's own.
+        split: `fit` if settings are chosen.
+
+    Raises:
+        ConfigError: the job is PVAE with few iterations; it has no signals.
     """
     if job.model == "linear":
         return None
@@ -175,10 +193,10 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
 
 
 def score(trained: Trained | None, samples: Samples, job: Job, split: str = "train") -> dict:
-    """The rows of a job, and its sentences (none of the linear baseline), by their tables.
+    """The rows of a job and its sentences (none for the linear baseline), by table.
 
     Args:
-        split: that it was trained on; the scores are of `test`, or of `held_out` where it is `fit`.
+        split: what was trained on. Scores are on `test` for `train`, and on `held_out` for `fit`.
     """
     begun, scored = time.process_time(), "test" if split == "train" else "held_out"
     row = job._asdict() | {"data": samples.name, "share": float(job.share)}
@@ -204,25 +222,25 @@ def labelled(samples: Samples, job: Job, split: str = "train") -> np.ndarray:
 
 
 def labels_of(job: Job) -> Labels:
-    """How they are chosen."""
+    """How the labelled samples of a job are chosen."""
     return Labels("covering" if job.variant == "covering" else "random", job.share)
 
 
 def fit(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "train",
         progress=lambda epochs: epochs) -> Trained:  # fmt: skip
     """Train the model of a job; see `experiment_of`."""
-    return runner.fit(experiment_of(samples, job, recipe, split), samples, progress=progress)
+    return experiment_of(samples, job, recipe, split).fit(samples, progress=progress)
 
 
 def scores(trained: Trained, samples: Samples, split: str = "test") -> dict[str, float]:
-    """What the table says of a model: the numbers of `evaluate`, and describe by word class."""
+    """What the table says of a model: the scores of `evaluate`, and describe accuracy by word."""
     source, indices = Source(trained.dataset(samples)), samples.split(split)
     words = word_accuracy(respond(trained, source, indices, "describe"), samples, indices)
     return {k: round(v, 3) for k, v in (evaluate(trained, samples, split) | words).items()}
 
 
 def examples(trained: Trained, samples: Samples) -> pd.DataFrame:
-    """Descriptions of a few test clips, evenly spread over the test set."""
+    """Descriptions of a few test clips, evenly spaced in the test set."""
     source, test = Source(trained.dataset(samples)), samples.split("test")
     chosen = test[np.linspace(0, len(test) - 1, SHOWN).round().astype(int)]
     answer = respond(trained, source, chosen, "describe")
@@ -238,7 +256,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
     """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
-        recipe: of all trainings; each model's own if None.
+        recipe: for all trainings; None for each model's own.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]
     made = Study(FILE, KEY, partial(_experiment, recipe), _score, companions={SENTENCES: KEY})
@@ -246,7 +264,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
 
 
 def named(samples: Samples, job: Job) -> tuple:
-    """A job as the columns `KEY` name it."""
+    """A job as the values of the columns `KEY`."""
     return (job.model, samples.name, *job[1:])
 
 
@@ -259,6 +277,7 @@ def _score(trained: Trained | None, samples: Samples, model: str, data: str, *re
 
 
 def add_options(parser: ArgumentParser) -> None:
+    """Add the options of the study."""
     data_options(parser)
     options.trainings(parser, SEEDS)
     parser.add_argument("--models", nargs="+", metavar="NAME", help="which models")
@@ -271,6 +290,7 @@ def add_options(parser: ArgumentParser) -> None:
 
 
 def command(given) -> dict:
+    """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
     jobs = select(grid(given.seeds, given.core), model=given.models, mode=given.modes,
                   variant=given.variants, share=given.shares)  # fmt: skip

@@ -1,4 +1,4 @@
-"""The tables of the studies: rows are added one training at a time, and none is lost."""
+"""The tables of the studies. Rows are added one training at a time."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from ptae_lite import renamed
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.files import atomic_write, file_lock
 
-PATIENCE_S = 10  # for a scheduler to answer
-TURN_S = 60  # for another process to have written its rows
+PATIENCE_S = 10  # wait so long for a scheduler's answer
+TURN_S = 60  # wait so long for another process that writes to the table
 
 
 def read(path: Path, key: list[str]) -> pd.DataFrame:
-    """A table, or an empty one with the columns of `key`.
+    """A table, or an empty one with the columns of `key` if there is no file.
 
     Raises:
-        ArtefactError: the file is no table, or one without these columns.
+        ArtefactError: the file is not a table with these columns.
     """
     if not Path(path).exists():
         return pd.DataFrame(columns=key)
@@ -38,15 +38,18 @@ def read(path: Path, key: list[str]) -> pd.DataFrame:
 
 
 def there(path: Path, key: list[str]) -> set[tuple]:
-    """Which rows a table has already."""
+    """The keys of the rows that a table has."""
     return set(read(path, key)[key].itertuples(index=False, name=None))
 
 
 def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None = None) -> None:
-    """Add rows to a table, in the order of `order` (of `key`); it is written whole or not at all.
+    """Add rows to a table, and sort it by `order` (None: by `key`).
 
-    Rows of the same key are replaced: a training may have been stopped between its two tables.
-    Several processes may add to one table.
+    The table is written whole or not at all. Rows with the same key are replaced: a training may
+    have been stopped between its two tables. Several processes may add to one table.
+
+    Raises:
+        FileError: the file cannot be written, or another process holds its lock for over a minute.
     """
     with file_lock(path, TURN_S):
         old = read(path, key)
@@ -60,7 +63,7 @@ def add(path: Path, rows: pd.DataFrame, key: list[str], order: list[str] | None 
 
 
 def completed(rows: pd.DataFrame, old: pd.DataFrame, key: list[str]) -> pd.DataFrame:
-    """The rows of `old` in their order, but those of `rows` where they have the same key."""
+    """The rows of `old` in their order; those of `rows` replace the ones with the same key."""
     both = pd.concat([old, rows], ignore_index=True)
     place = pd.Series(_index(both, key).factorize()[0])
     stale = place[: len(old)].isin(place[len(old) :])
@@ -68,7 +71,7 @@ def completed(rows: pd.DataFrame, old: pd.DataFrame, key: list[str]) -> pd.DataF
 
 
 def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
-    """The rows' keys; an empty text, which a file gives back as a gap, is equal to itself."""
+    """The rows' keys. An empty text, which a file gives back as a missing value, equals itself."""
     keys = rows[key].astype(object)
     return pd.MultiIndex.from_frame(keys.where(keys.notna(), ""))
 
@@ -76,15 +79,15 @@ def _index(rows: pd.DataFrame, key: list[str]) -> pd.MultiIndex:
 def run(work: Callable, jobs: list, keep: Callable, workers: int = 1,
         progress: Callable = lambda results, total: results,
         cluster: str | None = None) -> None:  # fmt: skip
-    """Do `work(*job)` for each job, and `keep` each result as it comes.
+    """Call `work(*job)` for each job, and `keep` each result as it comes.
 
     Args:
-        keep: called here, one result after the other, so that it may write to a table.
-        workers: trainings side by side, each in its own process with one thread.
-        progress: wraps the results (as `tqdm` does); is given `total`.
-        cluster: address of a Dask scheduler, as `tcp://HOST:PORT`, whose workers have this package;
-            `workers` then does not count. Workers run whatever the scheduler's clients send them,
-            so both belong on a trusted network.
+        keep: called in this process, one result after the other, so it may write to a table.
+        workers: number of processes; each does one training with one thread.
+        progress: wraps the results, as `tqdm` does; it is given `total`.
+        cluster: address of a Dask scheduler, such as `tcp://HOST:PORT`, whose workers have this
+            package. `workers` is then not used. Workers run everything that clients of the
+            scheduler send, so both must be on a trusted network.
 
     Raises:
         ConfigError: the extra `cluster` is not installed, nothing answers at the address, or a
@@ -114,10 +117,10 @@ def _alone(work: Callable, job: tuple):
 
 
 def _reach(address: str) -> None:
-    """Refuse what no scheduler answers at, and workers that do two trainings in one process.
+    """Check that a scheduler answers, and that its workers have one thread each.
 
-    PyTorch's draws are a process's: two trainings in it would take them from each other. Workers
-    that join later are not seen.
+    PyTorch has one random generator in a process, and two trainings in it would disturb each other.
+    Workers that join later are not checked.
     """
     try:
         from distributed import Client

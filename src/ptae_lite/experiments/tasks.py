@@ -1,6 +1,6 @@
-"""What the closed loop is asked: scenes, sentences, and what would be right.
+"""The tasks of the closed loop: scenes, sentences, and what would be right.
 
-The conditions make of the test samples in their own scenes something that training did not show.
+The conditions change test samples in their own scenes into something that training did not show.
 """
 
 from __future__ import annotations
@@ -24,16 +24,23 @@ DISPLACED_M = 2 * PLACE_JITTER_M  # from the middle of the places that training 
 
 
 class Task(NamedTuple):
-    """One episode to be acted out: the stage, the words, and what would be right."""
+    """One episode to act: the scene, the sentence, and what would be right.
 
-    sample: int  # its number, or that of the sample it was derived from
+    Args:
+        sample: its number, or that of the sample from which it was made.
+        stage: the scene.
+        instruction: the sentence; None for a blank one.
+        asked: a pattern whose action, side and speed are the right ones.
+    """
+
+    sample: int
     stage: Setting
     instruction: str | None
-    asked: Pattern  # whose action, side and speed count
+    asked: Pattern
 
 
 def tasks_in(samples: Samples, indices) -> list[Task]:
-    """Samples of the data set in their own scenes, each with one of its eight sentences."""
+    """Samples in their own scenes, each with one of its eight sentences."""
     alternative, tasks = alternatives_for(len(samples.frames)).tolist(), []
     for i in map(int, indices):
         asked = pattern(int(samples.pattern[i]))
@@ -43,24 +50,27 @@ def tasks_in(samples: Samples, indices) -> list[Task]:
 
 
 def as_recorded(tasks: list[Task]) -> list[Task]:
+    """The tasks, unchanged."""
     return tasks
 
 
 def first_two(tasks: list[Task]) -> list[Task]:
-    """Two samples of each pattern: enough for the questions beside the main one."""
+    """Two samples of each pattern: enough for all conditions but the main ones."""
     return [task for i, task in enumerate(tasks) if i % VARIATIONS < 2]
 
 
 def blank(tasks: list[Task]) -> list[Task]:
+    """No sentence: its words are EOS."""
     return [task._replace(instruction=None) for task in tasks]
 
 
 def synonyms(tasks: list[Task]) -> list[Task]:
+    """Sentences of three synonyms."""
     return [task._replace(instruction=sentence(task.asked.meaning, 7)) for task in tasks]
 
 
 def swapped_speed(tasks: list[Task]) -> list[Task]:
-    """*Fast* for *slowly* and the reverse, in the same scene; the sentence says what is right."""
+    """The other speed in the same scene. The sentence says it, and it is the right one."""
     other = {"slowly": "fast", "fast": "slowly"}
     return [
         task._replace(asked=replace(task.asked, speed=other[task.asked.speed]),
@@ -70,7 +80,7 @@ def swapped_speed(tasks: list[Task]) -> list[Task]:
 
 
 def new_family(tasks: list[Task]) -> list[Task]:
-    """The cube that is not named has a colour of the other family: red meets yellow."""
+    """The other cube has a colour of the other family: red stands beside yellow, say."""
     made = []
     for task in tasks:
         colours = [
@@ -83,11 +93,10 @@ def new_family(tasks: list[Task]) -> list[Task]:
 
 
 def displaced(tasks: list[Task]) -> list[Task]:
-    """Both cubes stand 24 mm off the middle of their place, in any direction.
+    """Both cubes stand 24 mm away from the middle of their place, in a random direction.
 
-    In training it is 12 mm at most to each side, so 17 mm to a corner.
-
-    Places where the arm could not do what is asked are drawn again.
+    In training they are up to 12 mm away along each axis, so up to 17 mm in all. Places at which
+    the arm cannot do the task are drawn again.
     """
     made = []
     for task in tasks:
@@ -106,7 +115,7 @@ def displaced(tasks: list[Task]) -> list[Task]:
 
 
 def absent_colour(tasks: list[Task]) -> list[Task]:
-    """The sentence names a colour of the same family that is not on the table."""
+    """The sentence has a colour of the same family that no cube has."""
     made = []
     for task in tasks:
         start = COLOURS.index(task.asked.meaning.colour) // 3 * 3
@@ -115,7 +124,7 @@ def absent_colour(tasks: list[Task]) -> list[Task]:
     return made
 
 
-# What is asked of all test samples, and what of two of each pattern.
+# Those in OF_ALL use all test samples; the others use two of each pattern.
 CONDITIONS: dict[str, Callable[[list[Task]], list[Task]]] = {
     "replay": as_recorded, "test": as_recorded, "blank": blank,
     "swapped_speed": swapped_speed, "synonyms": synonyms, "new_family": new_family,
@@ -125,6 +134,6 @@ OF_ALL = ("replay", "test", "blank")
 
 
 def tasks_of(samples: Samples, condition: str, split: str = "test") -> list[Task]:
-    """All episodes of a condition."""
+    """All tasks of a condition."""
     tasks = tasks_in(samples, samples.split(split))
     return CONDITIONS[condition](tasks if condition in OF_ALL else first_two(tasks))

@@ -1,4 +1,4 @@
-"""The networks: encoders and decoders, and the family made of them."""
+"""The networks: encoders, decoders, and the models made of them."""
 
 from ptae_lite.models.pgae import PGAE, PGAEConfig
 from ptae_lite.models.ptae import PTAE, PTAEConfig

@@ -1,4 +1,4 @@
-"""A trained model in one file: weights, sizes, scaling, recipe, and the encoder it sees through."""
+"""A trained model in one file: weights, sizes, scaling, recipe, and its image encoder's hash."""
 
 from __future__ import annotations
 
@@ -18,19 +18,31 @@ from ptae_lite.models.registry import MODELS
 
 @dataclass(frozen=True)
 class TrainingRecord:
-    """What a training reports of itself. It is stored with the weights."""
+    """What a training reports. It is stored with the weights.
 
-    encoder: str  # whose features were trained on: the hash of the image encoder's weights
+    Attributes:
+        encoder: the hash of the image encoder's weights whose features were used.
+        recipe: the fields of the `Recipe`.
+        split: the samples that were trained on.
+        holdout: training patterns kept aside as a test part, see `splits`.
+        labelled: number of samples with a label.
+        steps: updates of the whole training.
+        supervised_samples_seen: how often a labelled sample took a signal that needs its label.
+        history: for each epoch, the mean of each of the model's losses.
+        seconds: of computing.
+        watched: what `on_epoch` returned, each with the seconds until then.
+    """
+
+    encoder: str
     recipe: dict
     split: str
-    holdout: int | None  # training patterns kept aside as a test part, see `splits`
-    labelled: int  # samples with a label
-    steps: int  # updates of the whole training
-    supervised_samples_seen: int = 0  # how often a sample was shown where its label counted
-    # the mean of each of the model's losses in each epoch
+    holdout: int | None
+    labelled: int
+    steps: int
+    supervised_samples_seen: int = 0
     history: list[list[float]] = field(default_factory=list)
-    seconds: float = 0.0  # of computing
-    watched: list[dict] = field(default_factory=list)  # what `on_epoch` returned, with the seconds
+    seconds: float = 0.0
+    watched: list[dict] = field(default_factory=list)
 
     def after_epoch(
         self, means: Float[np.ndarray, " L"], supervised: int, seconds: float
@@ -45,7 +57,7 @@ class TrainingRecord:
         )
 
     def with_watched(self, found: dict | None) -> TrainingRecord:
-        """With what was seen of the training from outside, if it is more than None."""
+        """With what was seen of the training from outside, unless it is None."""
         if found is None:
             return self
         return replace(self, watched=[*self.watched, {"seconds": round(self.seconds, 1)} | found])
@@ -55,8 +67,9 @@ class TrainingRecord:
 class Trained:
     """A model with everything that is needed to use it.
 
-    `about` is what its file says of it: the fields of a `TrainingRecord` (weights of earlier
-    versions may lack some), and `kind` and `config` once it was stored.
+    Attributes:
+        about: the fields of its `TrainingRecord` (weights of earlier versions may lack some). If it
+            was read from a file, also `kind` and `config`.
     """
 
     model: nn.Module
@@ -64,9 +77,11 @@ class Trained:
     about: dict
 
     def dataset(self, samples: Samples) -> Dataset:
-        """`samples` scaled as this model was trained.
+        """`samples`, scaled as in this model's training.
 
-        Refused if another encoder saw them, or if patterns are held out that it was trained on.
+        Raises:
+            ArtefactError: the samples have the features of another image encoder.
+            ConfigError: other patterns are held out than in the training, so it may have seen them.
         """
         if samples.encoder != self.about["encoder"]:
             raise ArtefactError(
@@ -84,7 +99,11 @@ class Trained:
 
 
 def save(path, trained: Trained) -> None:
-    """Write a trained model."""
+    """Write a trained model.
+
+    Raises:
+        FileError: the file cannot be written.
+    """
     scaling = {f"scaling.{k}": torch.from_numpy(v) for k, v in vars(trained.scaling).items()}
     tensors = {f"model.{k}": v for k, v in trained.model.state_dict().items()}
     kind = {"kind": trained.model.kind, "config": asdict(trained.model.config)}
@@ -92,7 +111,12 @@ def save(path, trained: Trained) -> None:
 
 
 def load(path) -> Trained:
-    """Read a trained model. Raises `ArtefactError` where the file holds none."""
+    """Read a trained model.
+
+    Raises:
+        ArtefactError: the file is missing, is damaged, holds no model of ours, or is of an earlier
+            version.
+    """
     tensors, about = artefacts.load_weights(path)
     if about.get("kind") not in MODELS:
         raise ArtefactError(

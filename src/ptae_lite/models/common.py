@@ -1,4 +1,4 @@
-"""What all models share: the protocol they keep to, their answers, losses, a check of sizes."""
+"""What all models share: their interface, their answers and their losses."""
 
 from __future__ import annotations
 
@@ -14,18 +14,30 @@ from ptae_lite.language import VOCABULARY, WORD_INDEX, Meaning, words_of
 
 
 class Answer(NamedTuple):
-    """What a model says and does. A model without attention has no heads."""
+    """What a model says and does.
 
-    words: Float[Tensor, "B 4 V"]  # logarithms of probabilities
+    Args:
+        words: logarithms of the word probabilities, 4 steps.
+        joints: poses 2 to 100 in network units.
+        code: what both decoders start from.
+        attention: weights of each token for each frame. A model without attention has 0 heads.
+    """
+
+    words: Float[Tensor, "B 4 V"]
     joints: Float[Tensor, "B 99 5"]
     code: Float[Tensor, "B H"]
     attention: Float[Tensor, "B heads N T"]
 
 
 class Config(Protocol):
-    """What every model's configuration has: a frozen dataclass of sizes and choices."""
+    """What every model's configuration has: a frozen dataclass of sizes and choices.
 
-    features: int  # visual features a frame
+    Attributes:
+        features: visual features a frame, F.
+        joints: joints, J.
+    """
+
+    features: int
     joints: int
 
     @property
@@ -34,37 +46,48 @@ class Config(Protocol):
 
 
 class Model(Protocol):
-    """What training, evaluation and storing ask of a model, an `nn.Module` made from its `Config`.
+    """What training, evaluation and files need of a model: an `nn.Module` made from its `Config`.
 
-    `models.registry` lists the models that keep to this.
+    `models.registry` lists the models that have this interface.
+
+    Attributes:
+        kind: its name in the registry.
+        config: its configuration.
+        action: the action decoder, which has its own learning rate.
     """
 
-    kind: str  # its name in the registry
+    kind: str
     config: Config
-    action: nn.Module  # the action decoder; it has a learning rate of its own
+    action: nn.Module
 
     def __call__(self, batch: Batch) -> Answer:
         """The answer to each sample of a batch, at every step."""
 
     def loss(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
-        """Losses to minimise: language, action, and any further ones, a number each.
+        """The losses to minimise, one number each: language, action, and any others.
 
         Args:
-            paired: samples with a label, whose sentence and clip are known to belong together.
+            paired: samples with a label: the model may use that their sentence and clip belong
+                together. None means all.
         """
 
 
 def losses(
     answer: Answer, batch: Batch, word_weights: Float[Tensor, " V"] | None = None
 ) -> tuple[Tensor, Tensor]:
-    """Language and action loss with the published code's masks and averages.
+    """Language and action loss.
 
-    Language: cross-entropy, averaged over each sample's own steps (4, or 1 where only EOS is asked
-    for), then over the batch. Action: squared error averaged over all B x 99 x 5 entries, padded
-    ones (where both are zero) included, so a fast clip counts half.
+    Language: the cross-entropy of the words, averaged over the steps of a sample (4, or 1 if the
+    target is EOS alone), then over the batch, as in the published code.
+
+    Action: the squared error, averaged over all B x 99 x 5 entries. Both joints are zero in
+    padding, and padding counts in the average, so a fast clip weighs half. This is the published
+    code; the paper's text sums over joints and averages over the steps of the clip.
+
+    A `MixupBatch` asks for both sentences: `share L(words) + (1 - share) L(other_words)`.
 
     Args:
-        word_weights: what each word's cross-entropy is multiplied by where it is the one asked for.
+        word_weights: a factor for the cross-entropy of each target word; None means 1.
     """
 
     def said(words: Tensor) -> Tensor:
@@ -81,9 +104,10 @@ def losses(
 
 
 def class_weights(weigh: bool) -> Float[Tensor, " V"]:
-    """A weight for each word: the size of its class (EOS 1, speed 4, action 6, colour 12), or 1.
+    """A weight for each of the 23 words, as in the published PGAE; 1 each without `weigh`.
 
-    The weights of all 23 words add up to 23. A word of a large class is harder to guess.
+    The weight is proportional to the size of the word's class (EOS 1, speed 4, action 6, colour
+    12), because a word of a large class is harder to guess. The weights add up to 23.
     """
     weights = torch.ones(len(VOCABULARY))
     if not weigh:
@@ -95,7 +119,11 @@ def class_weights(weigh: bool) -> Float[Tensor, " V"]:
 
 
 def check_sizes(config, *names: str) -> None:
-    """Raise `ConfigError` naming the first of these fields that is below 1."""
+    """Check that these fields of a configuration are 1 or more.
+
+    Raises:
+        ConfigError: one is not. The message names the first.
+    """
     for name in names:
         if getattr(config, name) < 1:
             raise ConfigError(f"{name} is {getattr(config, name)}; it must be 1 or more")

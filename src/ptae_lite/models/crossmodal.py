@@ -1,15 +1,15 @@
-"""The crossmodal transformer: words ask, the moving picture answers.
+"""The crossmodal transformer: attention of the words to the clip.
 
 Queries come from language, keys and values from vision and joints together (paper, section 3.2)::
 
     attention(Q, K, V) = softmax(Q K^T / sqrt(d)) V,   d = 64 for each of 4 heads
 
-One layer, then the mean over the query tokens gives the code `h` that both decoders start from.
-There is no mask on keys and no position on them: keys are an unordered set, and the zero padding
-of short clips is attended to. That padding is how speed gets into `h`.
+There is one layer. The mean of its output over the query tokens is the code `h`, from which both
+decoders start. Keys have no mask and no position: the model sees a set of frames without order. It
+also attends to the zero padding of short clips, and this padding is how it knows the speed.
 
-Choices change that, each for an experiment: `queries` from action lets the frames ask the words,
-`TwoWay` does both at once, and `frame_positions` gives frames their position and masks the
+Three choices change this, each for an experiment. With `queries="action"` the frames ask and the
+words answer. `TwoWay` does both. `frame_positions` gives frames their position and hides the
 padding.
 """
 
@@ -26,7 +26,12 @@ from ptae_lite.data.samples import MAX_FRAMES
 
 
 def positions(count: int, size: int) -> Float[Tensor, "N H"]:
-    """The fixed sinusoids of the original transformer, sine and cosine interleaved."""
+    """The fixed position code of the original transformer: sines and cosines in turn.
+
+    ::
+
+        code[n, 2i] = sin(n / 10000^(2i / H)),    code[n, 2i + 1] = cos(n / 10000^(2i / H))
+    """
     place = torch.arange(count)[:, None]
     rate = torch.exp(torch.arange(0, size, 2) * (-math.log(10000.0) / size))
     code = torch.zeros(count, size)
@@ -35,7 +40,7 @@ def positions(count: int, size: int) -> Float[Tensor, "N H"]:
 
 
 class Attention(nn.Module):
-    """Multi-head attention with separate projections for query, key, value and output."""
+    """Multi-head attention, with separate linear maps for query, key, value and output."""
 
     def __init__(self, hidden: int, heads: int):
         super().__init__()
@@ -56,9 +61,10 @@ class Attention(nn.Module):
         keys: Float[Tensor, "B T H"],
         mask: Bool[Tensor, "B T"] | None = None,
     ):
-        """Attended values (B, N, H) and the weights (B, heads, N, T) that made them.
+        """Attended values (B, N, H) and the attention weights (B, heads, N, T).
 
-        `mask` says which keys may be looked at; all if None.
+        Args:
+            mask: which keys may be attended to; None means all.
         """
         q, k, v = self._split(self.query(query)), self._split(self.key(keys)), self.value(keys)
         scores = q @ k.transpose(-1, -2) / math.sqrt(q.shape[-1])
@@ -72,8 +78,17 @@ class Attention(nn.Module):
 class CrossmodalTransformer(nn.Module):
     """Tokens and frames to one code.
 
-    Post-norm residuals on the query side as in the original transformer. Both embeddings share one
-    LayerNorm, as the published code does (the paper's equations leave it out).
+    The query side has residuals with the LayerNorm after them, as in the original transformer. The
+    two embeddings share one LayerNorm, as in the published code; the paper's equations leave it
+    out.
+
+    Args:
+        words: numbers W a token.
+        inputs: numbers K a frame.
+        hidden: length H of the code.
+        feed_forward: width of the layer's feed-forward part.
+        queries: `language`, or `action` if the frames ask.
+        frame_positions: frames have a position, and padding is hidden (ours).
     """
 
     def __init__(self, words: int, inputs: int, hidden: int, heads: int, feed_forward: int,
@@ -93,12 +108,16 @@ class CrossmodalTransformer(nn.Module):
         self.register_buffer("positions", positions(MAX_FRAMES, hidden), persistent=False)
 
     def embed(self, linear: nn.Linear, rows: Float[Tensor, "B N I"], placed: bool):
-        """Rows of one modality, (B, N, H); `placed`: with the position of each."""
+        """Embed the rows of one modality: `LayerNorm(dropout(ReLU(W x + b)))`, (B, N, H).
+
+        Args:
+            placed: add the position code.
+        """
         x = self.embed_norm(self.dropout(functional.relu(linear(rows))))
         return x + self.positions[: rows.shape[1]] if placed else x
 
     def finish(self, x: Float[Tensor, "... H"], attended: Float[Tensor, "... H"]):
-        """The rest of the layer, for each query by itself."""
+        """The rest of the layer, after the attention: residuals and the feed-forward part."""
         x = self.attention_norm(x + self.dropout(attended))
         fed = self.narrow(self.dropout(functional.relu(self.widen(x))))
         return self.output_norm(x + self.dropout(fed))
@@ -110,7 +129,10 @@ class CrossmodalTransformer(nn.Module):
         frames: Float[Tensor, "B T K"],
         frame_mask: Bool[Tensor, "B T"],
     ):
-        """The code h (B, H) and the attention weights (B, heads, N, T); T, N if frames ask."""
+        """The code `h` (B, H) and the attention weights.
+
+        The weights are (B, heads, N, T), or (B, heads, T, N) if the frames ask.
+        """
         if self.queries == "language":
             x, there = self.embed(self.embed_token, words, True), word_mask
             keys = self.embed(self.embed_frame, frames, self.frame_positions)
@@ -124,11 +146,11 @@ class CrossmodalTransformer(nn.Module):
 
 
 class TwoWay(nn.Module):
-    """Words ask the frames, frames ask the words: the attention that the paper's discussion names.
+    """Attention both ways: words ask the frames, and frames ask the words.
 
-    Two crossmodal transformers of one layer, each with weights of its own. Each pools its queries
-    to a code, and h is the mean of the two codes. (The paper proposes the two directions and does
-    not build them. A mean needs no further weights, and takes neither side.)
+    The paper's discussion proposes this and does not build it. Here it is two crossmodal
+    transformers of one layer with separate weights. The code `h` is the mean of their two codes: a
+    mean needs no further weights and prefers neither of them (ours).
     """
 
     def __init__(self, *sizes, frame_positions: bool = False):
@@ -143,7 +165,7 @@ class TwoWay(nn.Module):
         frames: Float[Tensor, "B T K"],
         frame_mask: Bool[Tensor, "B T"],
     ):
-        """The code h (B, H), and the weights (B, heads, N, T) with which words look at frames."""
+        """The code `h` (B, H), and the words' attention weights (B, heads, N, T) for the frames."""
         seen = (words, word_mask, frames, frame_mask)
         (code, weights), (other, _) = self.words_ask(*seen), self.frames_ask(*seen)
         return (code + other) / 2, weights

@@ -1,9 +1,9 @@
-"""What may stand in front of the crossmodal transformer: nothing, an LSTM, or BERT.
+"""Encoders in front of the crossmodal transformer: none, an LSTM, or BERT.
 
-The paper's architecture figure names the choices (language: none, LSTM, BERT; action: none, LSTM)
-and its text reports no significant difference between them. Each turns a sequence into rows of
-`size` numbers; how an LSTM's rows enter the transformer is ours, because the published code fails
-with one.
+The paper's figure of the architecture names these choices (language: none, LSTM, BERT; action:
+none, LSTM), and its text reports no significant difference between them. Each encoder turns a
+sequence into rows of `size` numbers. The published code fails with an LSTM, so we chose ourselves
+how its rows enter the transformer.
 """
 
 from __future__ import annotations
@@ -23,16 +23,17 @@ ACTION = ("none", "lstm")
 
 
 class OneHot(nn.Module):
-    """A token is a one among 28 numbers."""
+    """No encoder: a token is one-hot, 28 numbers."""
 
     size = len(TOKENS)
 
     def forward(self, tokens: Int[Tensor, "B N"], mask: Bool[Tensor, "B N"]):
+        """One-hot rows (B, N, 28)."""
         return functional.one_hot(tokens, self.size).to(torch.get_default_dtype())
 
 
 class Sequence(nn.Module):
-    """An LSTM's hidden state after each row; zero beyond a sequence's end."""
+    """An LSTM's hidden state after each row; zero after the end of a sequence."""
 
     def __init__(self, inputs: int, units: int):
         super().__init__()
@@ -40,13 +41,14 @@ class Sequence(nn.Module):
         self.lstm = nn.LSTM(inputs, units, batch_first=True)
 
     def forward(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]):
-        # not `pack_padded_sequence`: the way back through it is quadratic in the number of steps
+        """Hidden states (B, T, units)."""
+        # not `pack_padded_sequence`: its backward pass is quadratic in the number of steps
         inside = torch.arange(rows.shape[1], device=rows.device) < lengths[:, None]
         return self.lstm(rows)[0] * inside[..., None]
 
 
 class WordSequence(nn.Module):
-    """Tokens through an LSTM."""
+    """An LSTM over one-hot tokens."""
 
     def __init__(self, units: int):
         super().__init__()
@@ -54,25 +56,30 @@ class WordSequence(nn.Module):
         self.size = units
 
     def forward(self, tokens: Int[Tensor, "B N"], mask: Bool[Tensor, "B N"]):
+        """Hidden states (B, N, units)."""
         return self.sequence(self.one_hot(tokens, mask), mask.sum(1))
 
 
 class BertWords(nn.Module):
-    """Words as a BERT reads them in their sentence; signals, which BERT never met, as a one-hot.
+    """Words as states of BERT; signals, which BERT does not know, as one-hot.
 
-    BERT is read from a local folder and stays as it is: its weights are not trained, and not
-    stored with the model. A word's row is the mean of the states of its pieces, BOS's and EOS's
-    are those of [CLS] and [SEP]. Sentences are read once and kept.
+    BERT is loaded from a local folder. It is not trained and not stored with the model. The row of
+    a word is the mean of the states of its pieces. The rows of BOS and EOS are the states of [CLS]
+    and [SEP]. The states of each sentence are computed once.
+
+    Raises:
+        ConfigError: the package transformers is not installed, or the folder holds no BERT.
     """
 
     def __init__(self, folder: str):
         super().__init__()
         self._tokenizer, bert = _read_bert(folder)
-        self._bert = [bert]  # in a list, so that its weights are not the model's
+        self._bert = [bert]  # in a list: its weights must not become parameters of the model
         self._seen: dict[tuple[int, ...], Tensor] = {}
         self.size = len(TOKENS) + bert.config.hidden_size
 
     def forward(self, tokens: Int[Tensor, "B N"], mask: Bool[Tensor, "B N"]):
+        """Rows (B, N, 28 + E), with E the width of BERT's states."""
         rows = torch.zeros(*tokens.shape, self.size, device=tokens.device)
         signals = tokens >= len(VOCABULARY)
         rows[..., : len(TOKENS)] = functional.one_hot(tokens, len(TOKENS)) * signals[..., None]
@@ -122,12 +129,16 @@ def _read_bert(folder: str):
 
 
 def language_encoder(kind: str, units: int, bert: str) -> nn.Module:
-    """The encoder of a name in `LANGUAGE`. Raises `ConfigError` where it cannot be made."""
+    """The encoder of a name in `LANGUAGE`.
+
+    Raises:
+        ConfigError: BERT cannot be loaded.
+    """
     if kind == "none":
         return OneHot()
     return BertWords(bert) if kind == "bert" else WordSequence(units)
 
 
 def action_encoder(kind: str, inputs: int, units: int) -> Sequence | None:
-    """The encoder of a name in `ACTION`; None where frames go in as they are."""
+    """The encoder of a name in `ACTION`; None for `none`."""
     return Sequence(inputs, units) if kind == "lstm" else None

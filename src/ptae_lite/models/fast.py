@@ -1,21 +1,21 @@
-"""Faster forms of the models' parts. Training uses them; the other modules are easier to read.
+"""Faster forms of parts of the models, for training. The other modules are easier to read.
 
-They compute the same values and gradients, up to rounding, and a test compares them with the
-readable forms. (With dropout, repeated frames share one mask here; there each has its own.)
+They compute the same values and gradients, up to rounding; a test compares them with the readable
+forms. (One difference: with dropout, equal frames share one mask here.)
 
-A training step in the readable form takes longer: 2.4 times for PTAE, 2.0 times for PGAE, 1.8
-times for PVAE (medians of processor time, one thread, the recipes' batches).
+With the readable forms, a training step takes 2.4 times as long for PTAE, 2.0 times for PGAE and
+1.8 times for PVAE (medians of processor time, one thread, the batches of the recipes).
 
-The way to the code, `encode`:
+`encode` computes the code of PTAE:
 
-- Attention asks few questions of many frames. So the key map is applied to the questions, not to
-  the frames (q . W x = W^T q . x), and the value map to the mixed frames. The key bias adds the
-  same to all frames, and softmax does not see it.
-- A first frame that stands still for the whole clip is one key, and so is the padding. A key that
-  is there n times has log n added to its score.
-- Frames that ask are not computed beyond the end of their clip.
+- There are few queries and many frames. So it applies the key map to the queries instead of the
+  frames (q . W x = W^T q . x), and the value map to the mixed frames. It leaves out the key bias,
+  which adds the same number to all scores of a query: softmax does not change.
+- A first frame that is repeated for the whole clip is one key, and so is the padding. A key that
+  stands for n equal keys has log n added to its score.
+- If frames are queries, those in the padding are not computed.
 
-Recurrent layers, `decode_fast` and `encode_fast`, take a clip's steps and no more: see `packed`.
+`decode_fast` and `encode_fast` compute the recurrent layers. They skip the padding, see `packed`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,11 @@ from ptae_lite.models.recurrent import PeepholeCell, RecurrentEncoder
 
 
 def encode(encoder: CrossmodalTransformer | TwoWay, words_in, batch: Batch):
-    """The code (B, H) that `encoder`, without a clock, makes of a batch."""
+    """The code (B, H) of a batch, for an `encoder` without `frame_positions`.
+
+    Args:
+        words_in: the language encoder, see `encoders`.
+    """
     if isinstance(encoder, TwoWay):
         asked = _words_ask(encoder.words_ask, words_in, batch)
         return (asked + _frames_ask(encoder.frames_ask, words_in, batch)) / 2
@@ -44,7 +48,7 @@ def encode(encoder: CrossmodalTransformer | TwoWay, words_in, batch: Batch):
 
 
 def _frames_ask(encoder: CrossmodalTransformer, words_in, batch: Batch):
-    """Clips of one length go together, without their padding: by the readable form."""
+    """The code if frames are queries: clips of one length together, without padding."""
     words = words_in(batch.tokens, batch.token_mask).to(batch.keys.dtype)
     codes, groups = [], []
     for count in batch.frames.unique().tolist():
@@ -57,8 +61,10 @@ def _frames_ask(encoder: CrossmodalTransformer, words_in, batch: Batch):
 
 
 def _words_ask(encoder: CrossmodalTransformer, words_in, batch: Batch) -> Float[Tensor, "B H"]:
-    """Samples with as many tokens and as many different keys go through together; what works on
-    tokens one by one takes all of them at once.
+    """The code if words are queries.
+
+    Samples with as many tokens and as many different keys are computed together. Work on single
+    tokens is done for all samples at once.
     """
     still = (batch.keys[:, 1:] == batch.keys[:, :1]).all(2)
     frame = torch.arange(1, batch.keys.shape[1], device=batch.frames.device)
@@ -82,7 +88,7 @@ def _words_ask(encoder: CrossmodalTransformer, words_in, batch: Batch) -> Float[
 
 
 def _distinct(batch: Batch, group, count: int):
-    """Keys of a group without their repetitions, and the logarithm of how often each is there."""
+    """The different keys of a group, and the logarithm of how often each stands in the clip."""
     total, frames = batch.keys.shape[1], batch.frames[group]
     keys = batch.keys[group, :count]
     if count == total:
@@ -94,7 +100,7 @@ def _distinct(batch: Batch, group, count: int):
 
 
 def _attend(attention: Attention, query: Float[Tensor, "B N H"], keys, times):
-    """What `attention` mixes for each token, before its output map, tokens in rows (B x N, H)."""
+    """What `attention` gives each token before its output map: rows (B x N, H)."""
     heads, width = attention.heads, query.shape[-1]
     by_head = (heads, width // heads, width)
     asked = attention.query(query).unflatten(-1, by_head[:2])  # B N heads d
@@ -108,14 +114,14 @@ def _attend(attention: Attention, query: Float[Tensor, "B N H"], keys, times):
 
 
 def decode_fast(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B T J"]:
-    """What `decoder(code, batch.video, batch.start)` is where `batch.step_mask` is; else zero."""
+    """The result of `decoder(code, batch.video, batch.start)` where `batch.step_mask`, else 0."""
     if len(decoder.cells) != 2:  # only the published two layers have a fast form
         return decoder(code, batch.video, batch.start) * batch.step_mask[..., None]
     packed = Packed.of(batch.step_mask.sum(1))
     features, inputs = batch.video.shape[2], decoder.seen
     states = [part[packed.order] for layer in decoder.first_state(code) for part in layer]
     (ih1, hh1, bias1, peep1), (ih2, hh2, bias2, peep2) = map(_parts, decoder.cells)
-    # what of the first layer's gates comes from the video: one product for all frames
+    # what the first layer's gates get from the video: one matrix product for all frames
     video = batch.video[packed.sample, packed.step]
     seen = functional.linear(video, ih1[:, :features], bias1)
     if decoder.condition_on_code:
@@ -134,7 +140,7 @@ def decode_fast(decoder: ActionDecoder, code, batch: Batch) -> Float[Tensor, "B 
 def encode_fast(
     encoder: RecurrentEncoder, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]
 ):
-    """What `encoder(rows, lengths)` is."""
+    """The result of `encoder(rows, lengths)`."""
     packed = Packed.of(lengths)
     hidden = rows[packed.sample, packed.step]
     ends = torch.empty_like(lengths)
@@ -151,9 +157,10 @@ def encode_fast(
 
 
 def _parts(cell: nn.Module):
-    """A cell's maps of input and hidden state, bias and peepholes, gates in the order o, i, f, g.
+    """A cell's input weights, recurrent weights, bias and peepholes, with its gates reordered.
 
-    So the three gates that are sigmoids lie side by side, and the three that make the memory.
+    The order is o, i, f, g. So the three sigmoid gates stand side by side, and so do the three that
+    make the memory.
     """
 
     def order(rows):

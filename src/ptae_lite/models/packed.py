@@ -1,9 +1,9 @@
-"""Recurrence over sequences of different lengths, with its gradient written by hand.
+"""Recurrent layers over sequences of different lengths, with a gradient written by hand.
 
-Recurrent layers take up to 100 steps. Sequences are sorted by length, and a step computes only
-those that have not ended. Autograd would add to the gradient of each weight matrix at every step;
-here the steps are stored, and one matrix product at the end gives the gradient. The results are
-those of `recurrent` and `decoders`, and a test compares them.
+Sequences are sorted by length, and a step computes only those that have not ended. Autograd would
+add to the gradient of each weight matrix at every step (up to 100). Here the steps are stored, and
+one matrix product at the end gives the gradient. The results are those of `recurrent` and
+`decoders`; a test compares them.
 """
 
 from __future__ import annotations
@@ -17,15 +17,23 @@ from torch.autograd.function import once_differentiable
 
 
 class Packed(NamedTuple):
-    """Sequences of different lengths as rows, step by step, the longest first."""
+    """Sequences of different lengths as R rows, step after step, the longest sequence first.
 
-    order: Int[Tensor, " B"]  # of the samples, the longest first
-    sample: Int[Tensor, " R"]  # where each row comes from
+    Args:
+        order: the samples, the longest first.
+        sample: the sample of each row.
+        step: the step of each row.
+        spans: the first row of each step, and the row after its last.
+    """
+
+    order: Int[Tensor, " B"]
+    sample: Int[Tensor, " R"]
     step: Int[Tensor, " R"]
-    spans: list[tuple[int, int]]  # rows of each step: from, to
+    spans: list[tuple[int, int]]
 
     @classmethod
     def of(cls, lengths: Int[Tensor, " B"]) -> Packed:
+        """The rows of sequences with these lengths."""
         order = lengths.argsort(descending=True, stable=True)
         step = torch.arange(int(lengths.max()), device=lengths.device)
         going = step[:, None] < lengths[order]
@@ -35,7 +43,10 @@ class Packed(NamedTuple):
 
 
 class _Tape:
-    """One layer's steps, kept for the way back; R rows, U units. Views are cut once, not a step."""
+    """The steps of one layer of U units, stored for the backward pass: R rows.
+
+    Views of the stored arrays are made once, because a view at each step costs time.
+    """
 
     def __init__(self, spans, gates: Float[Tensor, "R G"], peep):
         self.gates, self.peep = gates, peep
@@ -46,7 +57,7 @@ class _Tape:
         self.steps = steps_of(spans, *parts)
 
     def forward(self, t: int, before, hidden) -> None:
-        """Turn the gates of step t into activations; `hidden` is filled."""
+        """Turn the gates of step t into activations, and write the new hidden state to `hidden`."""
         _, both, sigmoids, o, i, f, g, kept, after, squashed = self.steps[t]
         kept.copy_(before)
         if self.peep is None:
@@ -62,8 +73,11 @@ class _Tape:
         torch.mul(o, squashed, out=hidden)
 
     def slopes(self, spans):
-        """The gradients of the gates as far as they are known for all steps at once, and views of
-        each step, for `backward` to finish."""
+        """The part of the gates' gradients that can be computed for all steps at once.
+
+        Returns:
+            This part, and its views for each step, which `backward` completes.
+        """
         gates, u = self.gates, self.units
         o, i, f, g = gates.split(u, dim=1)
         made, one = torch.addcmul(gates, gates, gates, value=-1), gates.new_ones(())
@@ -75,7 +89,7 @@ class _Tape:
         return made, steps_of(spans, made, to_o, by_memory, to_i, to_f, steep, f)
 
     def backward(self, hidden, cell, slopes) -> None:
-        """Finish a step's slopes; `cell` becomes the gradient of the memory one step earlier."""
+        """Complete the gradients of a step. `cell` becomes the gradient of the memory before it."""
         _, to_o, by_memory, to_i, to_f, steep, f = slopes
         to_o.mul_(hidden)
         cell.addcmul_(steep, hidden)
@@ -101,11 +115,17 @@ def steps_of(spans, *rows: Tensor) -> list[tuple[Tensor, ...]]:
 
 
 class Layer(torch.autograd.Function):
-    """One recurrent layer over packed rows, from a state of zero: hidden states and memories."""
+    """One recurrent layer over packed rows, from a state of zero."""
 
     @staticmethod
     def forward(ctx, spans, seen, weight_hh, peep):
-        """Hidden states and memories (R, U) of rows whose gates (R, 4U) have seen their input."""
+        """Hidden states and memories, (R, U) each.
+
+        Args:
+            seen: what the gates get from the input, (R, 4 U).
+            weight_hh: recurrent weights, (4 U, U).
+            peep: peepholes, or None.
+        """
         tape = _Tape(spans, seen.clone(), peep)
         hidden = seen.new_empty(len(seen), tape.units)
         turns = [h for (h,) in steps_of(spans, hidden)]
@@ -118,12 +138,12 @@ class Layer(torch.autograd.Function):
             memory = tape.steps[t][-2]
         ctx.tape, ctx.spans = tape, spans
         ctx.save_for_backward(hidden, weight_hh)
-        return hidden, tape.after.clone()  # the tape must not hold what autograd hands out
+        return hidden, tape.after.clone()  # a copy: the tape must not hold an output of autograd
 
     @staticmethod
     @once_differentiable
     def backward(ctx, to_hidden, to_memory):
-        """The gradients by the gates, the recurrent weights and the peepholes."""
+        """The gradients by `seen`, the recurrent weights and the peepholes."""
         tape, spans = ctx.tape, ctx.spans
         hidden, weight_hh = ctx.saved_tensors
         made, slopes = tape.slopes(spans)
@@ -142,11 +162,11 @@ class Layer(torch.autograd.Function):
 
 
 class Unroll(torch.autograd.Function):
-    """Two recurrent layers and a tanh output that is fed back, over packed rows."""
+    """Two recurrent layers with a tanh output that is the next step's input, over packed rows."""
 
     @staticmethod
     def forward(ctx, spans, seen, start, h1, c1, h2, c2, w1, w2, b2, peep1, peep2, wo, bo):
-        """The poses (R, J), from the pose `start` and the states of both layers on."""
+        """The poses (R, J), from the pose `start` and the first states of both layers."""
         rows, units, joints = len(seen), h1.shape[1], start.shape[1]
         # inputs of each product, side by side: [h1 | pose] and [h1 | h2]
         in1, in2 = seen.new_empty(rows, units + joints), seen.new_empty(rows, 2 * units)
@@ -158,7 +178,7 @@ class Unroll(torch.autograd.Function):
         w1, w2 = w1.T.contiguous(), w2.T.contiguous()
         pose, hidden1, hidden2 = start, h1, h2
         for t, (to1, was1, posed, to2, now1, was2, now2, pose_out) in enumerate(steps):
-            if len(to1) < len(pose):  # some are over
+            if len(to1) < len(pose):  # some sequences have ended
                 last = pose, hidden1, hidden2, c1, c2
                 pose, hidden1, hidden2, c1, c2 = (rows[: len(to1)] for rows in last)
             was1.copy_(hidden1), posed.copy_(pose), was2.copy_(hidden2)
@@ -177,7 +197,7 @@ class Unroll(torch.autograd.Function):
     @staticmethod
     @once_differentiable
     def backward(ctx, grad):
-        """The gradients by all but the spans."""
+        """The gradients by all inputs but `spans`."""
         (first, second), spans = ctx.tapes, ctx.spans
         in1, in2, out, poses, w1, w2, wo = ctx.saved_tensors
         w1, w2 = w1.T.contiguous(), w2.T.contiguous()

@@ -1,14 +1,14 @@
-"""PGAE, the paired gated autoencoders: PTAE's predecessor, and the model it is compared with.
+r"""PGAE, the paired gated autoencoders: the model before PTAE, with which the paper compares it.
 
 ::
 
-    words + signal --LSTM--\\                      /--> language decoder --> words
+    words + signal --LSTM--\                      /--> language decoder --> words
                             gated unit --> code --
-    video + joints --LSTM--/                      \\--> action decoder ----> joints
+    video + joints --LSTM--/                      \--> action decoder ----> joints
                                             video ------/
 
-657,778 parameters at the published sizes. One code starts both decoders, in training and in the
-test; in the published plain class the test uses a map that was never trained.
+It has 657,778 parameters at the published sizes. One code starts both decoders, in training and in
+the test. (In the published class `PGAE`, the test uses a map that was never trained.)
 """
 
 from __future__ import annotations
@@ -30,7 +30,11 @@ from ptae_lite.models.recurrent import RecurrentEncoder, spread
 
 @dataclass(frozen=True)
 class PGAEConfig:
-    """Sizes of a PGAE. Each is the published code's unless its comment says otherwise."""
+    """Sizes of a PGAE. Each value is the published code's unless its comment says otherwise.
+
+    Raises:
+        ConfigError: a size is less than 1.
+    """
 
     features: int = 30  # 10 for each colour channel
     joints: int = 5
@@ -47,12 +51,12 @@ class PGAEConfig:
 
     @property
     def mix(self) -> Mix:
-        """The signals it is trained on."""
+        """The signals that it is trained on."""
         return MIX_WITH_BOTH if self.repeat_both else PTAE_MIX
 
 
 class GatedUnit(nn.Module):
-    """The gated multimodal unit: two summaries, of action and language, to one code.
+    """The gated multimodal unit: one code from the summaries of action and language.
 
     ::
 
@@ -61,7 +65,7 @@ class GatedUnit(nn.Module):
     Args:
         action: length of the action's summary a.
         language: length of the language's summary l.
-        size: length of the code.
+        size: length H of the code.
     """
 
     def __init__(self, action: int, language: int, size: int):
@@ -73,6 +77,7 @@ class GatedUnit(nn.Module):
     def forward(
         self, action: Float[Tensor, "B A"], language: Float[Tensor, "B L"]
     ) -> Float[Tensor, "B H"]:
+        """The code of two summaries."""
         gate = torch.sigmoid(self.gate(torch.cat([action, language], dim=1)))
         return gate * torch.tanh(self.action(action)) + (1 - gate) * torch.tanh(
             self.language(language)
@@ -80,7 +85,7 @@ class GatedUnit(nn.Module):
 
 
 class PGAE(nn.Module):
-    """The model. The first query token alone says which task it is, as PTAE is."""
+    """The model. The first query token, the signal, says which task it is, as in PTAE."""
 
     kind = "pgae"
 
@@ -114,7 +119,7 @@ class PGAE(nn.Module):
         return self._answer(batch, code, fast.decode_fast(self.action, code, batch))
 
     def _words(self, batch: Batch) -> tuple[Float[Tensor, "B N W"], Int[Tensor, " B"]]:
-        """The query tokens as one-hot rows, and how many there are."""
+        """The query tokens as one-hot rows, and their number."""
         words = functional.one_hot(batch.tokens, len(TOKENS)).to(batch.keys.dtype)
         return words, batch.token_mask.sum(1)
 
@@ -123,5 +128,5 @@ class PGAE(nn.Module):
         return Answer(self.language(code, WORDS_OUT), joints, code, no_heads)
 
     def loss(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
-        """Losses to minimise: language (words weighted) and action. `paired` is not used."""
+        """Language loss (with word weights) and action loss. `paired` is not used."""
         return losses(self.forward_fast(batch), batch, self.word_weights)

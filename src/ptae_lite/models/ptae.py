@@ -34,7 +34,11 @@ CHOICES = {
 
 @dataclass(frozen=True)
 class PTAEConfig:
-    """Sizes and choices of a PTAE. Each is the paper's unless its comment says otherwise."""
+    """Sizes and choices of a PTAE. Each value is the paper's unless its comment says otherwise.
+
+    Raises:
+        ConfigError: a value makes no sense.
+    """
 
     features: int = 30  # 10 for each colour channel
     joints: int = 5
@@ -44,16 +48,16 @@ class PTAEConfig:
     decoder_units: int = 128
     decoder_layers: int = 2
     dropout: float = 0.1  # ours; paper 0.25. Without any, new scenes get wrong colours more often
-    forget_bias: float = 1.0  # ours; paper 0, with which the decoder forgets the code
-    # What the paper's text also tried, or leaves open; the defaults are its regular model.
+    forget_bias: float = 1.0  # ours; paper 0: the decoder then forgets the code
+    # Choices that the paper's text tried, or left open. The defaults are its regular model.
     language_encoder: str = "none"  # or `lstm`, or `bert` from the folder `bert`
     action_encoder: str = "none"  # or `lstm`
     encoder_units: int = 128  # ours, of an LSTM encoder: as wide as the decoders
     bert: str = ""  # a local folder
-    # or `action`: frames ask the words, which the paper says is worse; or `both`, which it proposes
+    # or `action`: frames ask the words, which the paper says is worse; or `both`, its proposal
     queries: str = "language"
     repeat_both: bool = False  # a fifth signal, as PGAE has
-    weigh_words: bool = False  # errors in words count by the size of the word's class, as in PGAE
+    weigh_words: bool = False  # weigh each word by the size of its class, as in PGAE
     # Ours, to show what the paper's choice does.
     frame_positions: bool = False  # frames have a position, and the padding is hidden
     freeze_video: bool = False  # the action decoder gets the first frame only, at every step
@@ -76,17 +80,17 @@ class PTAEConfig:
 
     @property
     def mix(self) -> Mix:
-        """The signals it is trained on."""
+        """The signals that it is trained on."""
         return MIX_WITH_BOTH if self.repeat_both else PTAE_MIX
 
     @property
     def plain(self) -> bool:
-        """Has the way to the code a fast form?"""
+        """Whether `fast.encode` can compute the code."""
         return self.language_encoder == self.action_encoder == "none" and not self.frame_positions
 
 
 class PTAE(nn.Module):
-    """The model. The first query token alone says which task it is."""
+    """The model. The first query token, the signal, says which task it is."""
 
     kind = "ptae"
 
@@ -138,11 +142,11 @@ class PTAE(nn.Module):
         return Answer(self.language(code, WORDS_OUT), joints, code, unseen)
 
     def loss(self, batch: Batch, paired=None) -> tuple[Tensor, ...]:
-        """Losses to minimise: language and action. `paired` is not used."""
+        """Language and action loss, see `common.losses`. `paired` is not used."""
         return losses(self.forward_fast(batch), batch, self.word_weights)
 
     def _shown(self, batch: Batch) -> Batch:
-        """The batch with what this model is shown of it."""
+        """The batch as `freeze_video` and `pad_still_frame` change it."""
         if self.config.freeze_video:
             batch = replace(batch, video=batch.video[:, :1].expand_as(batch.video))
         if not self.config.pad_still_frame:

@@ -9,12 +9,12 @@
     joints <-- action decoder <--- code <-- LSTM <-- video + joints, last frame first
       video ------/
 
-Each half learns to repeat its own input, and binding brings the two codes of a pair together; so
-the code of one half can be decoded by the other. There are no signal words: here the
-signal says which code is decoded. 464,228 parameters at the published sizes.
+Each half learns to repeat its own input. The binding loss brings the two codes of a pair together,
+so that each decoder can use the code of the other half. PVAE has no signal words; here the signal
+only says which code each decoder gets. It has 464,228 parameters at the published sizes.
 
-PRAE is the same without chance: 434,128 parameters. The published 436,128 count an encoder that
-expects the five signal words too, and fails when it is given sentences without them.
+PRAE is the same without random codes: 434,128 parameters. The published count is 436,128, because
+its encoder expects the five signals too; it fails on sentences without them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,11 @@ BY_LANGUAGE = ("execute", "repeat language")
 
 @dataclass(frozen=True)
 class PVAEConfig:
-    """Sizes of a PVAE. Each is the published code's unless its comment says otherwise."""
+    """Sizes of a PVAE. Each value is the published code's unless its comment says otherwise.
+
+    Raises:
+        ConfigError: a size is less than 1, or a weight is negative.
+    """
 
     features: int = 30  # 10 for each colour channel
     joints: int = 5
@@ -53,7 +57,7 @@ class PVAEConfig:
     gain: float = 1.5  # ours, of the starting weights (`recurrent.spread`); 0: the published ones
     noise: float = 0.1  # of a code in training, times its own standard deviation
     binding: float = 2.0  # weight of the binding loss
-    margin: float = 1.0  # by which unpaired codes should be further apart than paired ones
+    margin: float = 1.0  # unpaired codes should be further apart than paired ones by this
     divergence: float = 1.0  # weight of each half's divergence from a standard normal
     variational: bool = True  # without: PRAE
 
@@ -66,27 +70,27 @@ class PVAEConfig:
 
     @property
     def mix(self) -> Mix:
-        """The signals it is trained on: it repeats both halves, and is bound where they pair."""
+        """The signals that it is trained on. Both halves repeat their input."""
         both = (("repeat both",), ("repeat both",))
         return Mix(regular=both, limited=both)
 
 
 @dataclass(frozen=True)
 class PRAEConfig(PVAEConfig):
-    """Sizes of a PRAE: a PVAE without chance."""
+    """Sizes of a PRAE: a PVAE without random codes."""
 
     variational: bool = False
 
 
 class Code(NamedTuple):
-    """Where one half puts a sample: a mean, and how sure it is (none in PRAE)."""
+    """The code of one half: its mean and its log-variance (None in PRAE)."""
 
     mean: Float[Tensor, "B H"]
     log_variance: Float[Tensor, "B H"] | None
 
 
 class Half(nn.Module):
-    """Encoder of one modality, reading backwards, and the maps to its code."""
+    """The encoder of one modality, which reads backwards, and the linear maps to its code."""
 
     def __init__(self, inputs: int, layers: int, config: PVAEConfig):
         super().__init__()
@@ -96,11 +100,11 @@ class Half(nn.Module):
         self.log_variance = nn.Linear(summary, config.code) if config.variational else None
 
     def forward(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Code:
-        """The code of sequences that end after `lengths` rows."""
+        """The code of sequences with `lengths` rows."""
         return self._code(self.encoder(reverse(rows, lengths), lengths))
 
     def forward_fast(self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Code:
-        """The same, computed faster for training (see `fast`)."""
+        """The same as `forward`, computed faster for training (see `fast`)."""
         return self._code(fast.encode_fast(self.encoder, reverse(rows, lengths), lengths))
 
     def _code(self, summary: Float[Tensor, "B S"]) -> Code:
@@ -109,14 +113,15 @@ class Half(nn.Module):
 
 
 def binding(first: Float[Tensor, "B H"], second: Float[Tensor, "B H"], margin: float) -> Tensor:
-    """Pairs close, others further apart by a margin; `first[i]` belongs to `second[i]`.
+    """The binding loss: paired codes close, all others further apart by a margin.
 
     ::
 
         mean_i d_ii + mean_ij max(0, d_ii - d_ij + margin) + mean_ij max(0, d_ii - d_ji + margin)
 
-    Distances are Euclidean. As published, i = j adds nothing but counts in the means, and others
-    with the same sentence are pushed away like any.
+    Here `d_ij` is the Euclidean distance between `first[i]` and `second[j]`; `first[i]` and
+    `second[i]` are a pair. As published, i = j adds nothing but counts in the means, and codes of
+    the same sentence are pushed apart like all others.
     """
     apart = torch.cdist(first, second, compute_mode="donot_use_mm_for_euclid_dist")
     paired = apart.diagonal()
@@ -129,16 +134,20 @@ def binding(first: Float[Tensor, "B H"], second: Float[Tensor, "B H"], margin: f
 
 
 def divergence(code: Code) -> Tensor:
-    """Kullback-Leibler divergence of a code from a standard normal, averaged over all B x H.
+    """Kullback-Leibler divergence of a code from a standard normal, averaged over B x H.
 
-    Ours: whether the published code averages or adds up over a code's numbers is not known to us.
+    With `v` the log-variance::
+
+        mean of 0.5 (mean^2 + exp(v) - 1 - v)
+
+    We do not know whether the published code averages or sums over H. The average is ours.
     """
     mean, log_variance = code
     return 0.5 * (mean.square() + log_variance.exp() - 1 - log_variance).mean()
 
 
 class PVAE(nn.Module):
-    """The model, or a PRAE where the configuration is not `variational`."""
+    """The model; a PRAE if the configuration is not `variational`."""
 
     def __init__(self, config: PVAEConfig = PVAEConfig()):
         super().__init__()
@@ -154,22 +163,22 @@ class PVAE(nn.Module):
             spread([self.words_in, self.clip_in, self.language], c.gain)
 
     def encode(self, batch: Batch) -> tuple[Code, Code]:
-        """Codes of the sentence (without the signal) and of the clip."""
+        """The codes of the sentence (without the signal) and of the clip."""
         return self.words_in(*self._words(batch)), self.clip_in(batch.keys, batch.frames)
 
     def _words(self, batch: Batch) -> tuple[Float[Tensor, "B N V"], Int[Tensor, " B"]]:
-        """The sentences as one-hot rows, and how long each is."""
+        """The sentences as one-hot rows, and their lengths."""
         words = functional.one_hot(batch.tokens[:, 1:], len(VOCABULARY)).to(batch.keys.dtype)
         return words, batch.token_mask.sum(1) - 1
 
     def decode(self, batch: Batch, to_say, to_do, joints: Tensor) -> Answer:
-        """What the decoders make of a code (B, H) each; `code` is both, side by side."""
+        """The answer from a code (B, H) for each decoder. Its `code` is both, side by side."""
         no_heads = to_do.new_zeros(len(to_do), 0, batch.tokens.shape[1], batch.keys.shape[1])
         both = torch.cat([to_say, to_do], dim=1)
         return Answer(self.language(to_say, WORDS_OUT), joints, both, no_heads)
 
     def forward(self, batch: Batch) -> Answer:
-        """Answers without chance. With `repeat both` each half decodes its own code."""
+        """The answer, from the mean codes. With `repeat both` each half decodes its own code."""
         said, done = (code.mean for code in self.encode(batch))
         by_action, by_language = (
             sum(batch.tokens[:, :1] == signal_index(s) for s in signals).bool()
@@ -179,11 +188,13 @@ class PVAE(nn.Module):
         return self.decode(batch, to_say, to_do, self.action(to_do, batch.video, batch.start))
 
     def loss(self, batch: Batch, paired: Bool[Tensor, " B"] | None = None) -> tuple[Tensor, ...]:
-        """Losses to minimise: language and action when both are repeated, and the binding loss.
+        """Language and action loss of repeating both halves, and the binding loss.
+
+        In a PVAE the third loss also has the divergence of all codes.
 
         Args:
-            paired: the samples whose two codes are bound (all if None); nothing else connects a
-                clip with its sentence. In a PVAE the divergence of all codes is added.
+            paired: the samples whose two codes are bound; None means all. Nothing else connects a
+                clip with its sentence.
         """
         c = self.config
         said = self.words_in.forward_fast(*self._words(batch))
@@ -199,9 +210,9 @@ class PVAE(nn.Module):
         return *losses(answer, batch), bound
 
     def draw(self, code: Code) -> Float[Tensor, "B H"]:
-        """The mean, in a PVAE with noise in proportion to the standard deviation."""
+        """The mean of a code; in a PVAE plus noise in proportion to its standard deviation."""
         if code.log_variance is None:
             return code.mean
         deviation = self.config.noise * (code.log_variance / 2).exp()
-        noise = torch.randn(code.mean.shape, device="cpu")  # a seed draws the same everywhere
+        noise = torch.randn(code.mean.shape, device="cpu")  # so a seed is the same on all devices
         return code.mean + deviation * noise.to(code.mean)

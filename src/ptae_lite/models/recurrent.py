@@ -1,6 +1,6 @@
-"""LSTMs with peepholes, and an encoder that reads a sequence to its own end.
+"""LSTMs with peepholes, and an encoder made of them. PGAE and PVAE use them (published code).
 
-PGAE and PVAE are built of them (published code). A peephole lets each gate see the memory cell::
+A peephole `p` lets a gate see the memory cell `c`::
 
     i, f = sigmoid(W [x, h] + p * c)        c' = f * c + i * tanh(W [x, h])
     o    = sigmoid(W [x, h] + p * c')       h' = o * tanh(c')
@@ -16,12 +16,12 @@ from torch import Tensor, nn
 
 
 class PeepholeCell(nn.Module):
-    """One step of an LSTM with peepholes; called as `torch.nn.LSTMCell` is.
+    """One step of an LSTM with peepholes. Call it as `torch.nn.LSTMCell`.
 
-    Weights start uniform within 1 / sqrt(units), as published.
+    Weights start uniform in +-1 / sqrt(units), as published.
 
     Args:
-        inputs: length of the input vector at each step.
+        inputs: length I of the input vector.
         units: length of the hidden state and of the memory.
     """
 
@@ -38,7 +38,7 @@ class PeepholeCell(nn.Module):
         return self.step(self.weight_ih(x), state)
 
     def step(self, seen: Float[Tensor, "B G"], state: tuple[Tensor, Tensor]):
-        """The same, given what the G = 4 x units gates get from the input."""
+        """The same as `forward`, from what the G = 4 x units gates get from the input."""
         hidden, memory = state
         i, f, g, o = (seen + self.weight_hh(hidden)).chunk(4, dim=1)
         see_i, see_f, see_o = self.peepholes
@@ -47,9 +47,9 @@ class PeepholeCell(nn.Module):
         return torch.sigmoid(o + see_o * memory) * torch.tanh(memory), memory
 
     def run(self, rows: Float[Tensor, "T B I"]) -> tuple[Tensor, Tensor]:
-        """Hidden states and memories after each row, (T, B, units) each, from a state of zero.
+        """Hidden states and memories after each row, (T, B, units) each. The first state is zero.
 
-        Time comes first here; what the gates get from the inputs is one product for all rows.
+        Time is the first axis here. One matrix product gives the gates their inputs of all rows.
         """
         zero = rows.new_zeros(rows.shape[1], self.weight_hh.in_features)
         states = [(zero, zero)]
@@ -60,7 +60,13 @@ class PeepholeCell(nn.Module):
 
 
 def make_cell(inputs: int, units: int, forget_bias: float, peepholes: bool = False) -> nn.Module:
-    """An LSTM cell; `forget_bias` opens the forget gate, so that it keeps its memory at first."""
+    """An LSTM cell.
+
+    Args:
+        forget_bias: bias of the forget gate at the start of a training. A high value opens the
+            gate, so that the cell first keeps its memory. The published code has 0.8.
+        peepholes: whether the gates see the memory.
+    """
     cell = PeepholeCell(inputs, units) if peepholes else nn.LSTMCell(inputs, units)
     with torch.no_grad():  # gates lie in the order input, forget, cell, output
         if peepholes:
@@ -72,7 +78,7 @@ def make_cell(inputs: int, units: int, forget_bias: float, peepholes: bool = Fal
 
 
 class RecurrentEncoder(nn.Module):
-    """Layers of peephole cells; the last states of all layers sum a sequence up."""
+    """Layers of LSTMs with peepholes, which turn a sequence into one vector."""
 
     def __init__(self, inputs: int, units: int, layers: int, forget_bias: float):
         super().__init__()
@@ -82,7 +88,15 @@ class RecurrentEncoder(nn.Module):
     def forward(
         self, rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]
     ) -> Float[Tensor, "B S"]:
-        """Memory and hidden state of each layer after a sample's last row: S = layers x 2 units."""
+        """Memory and hidden state of each layer after the last row of each sample.
+
+        Args:
+            rows: sequences, padded.
+            lengths: how many rows each sequence has.
+
+        Returns:
+            The memory, then the hidden state of each layer, side by side (S = layers x 2 x units).
+        """
         hidden = rows.transpose(0, 1)[: int(lengths.max())]
         item = torch.arange(len(rows), device=rows.device)
         parts = []
@@ -93,18 +107,18 @@ class RecurrentEncoder(nn.Module):
 
 
 def reverse(rows: Float[Tensor, "B T I"], lengths: Int[Tensor, " B"]) -> Float[Tensor, "B T I"]:
-    """Each sequence backwards within its own length; what lies beyond stays where it is."""
+    """Each sequence in reverse order. Its padding stays at the end."""
     place, end = torch.arange(rows.shape[1], device=rows.device), lengths[:, None]
     turned = torch.where(place < end, end - 1 - place, place)
     return rows.gather(1, turned[..., None].expand_as(rows))
 
 
 def spread(parts: Iterable[nn.Module], gain: float) -> None:
-    """Start the weight matrices of parts of a model by Xavier's rule times `gain`, gate by gate.
+    """Start weight matrices by Xavier's rule (uniform) times `gain`, each gate for itself. Ours.
 
-    Ours. Published weights start within 0.1, so small that after a few such maps in a row a
-    sentence hardly changes the answer. Trained to repeat sentences alone (batches of 54, one cycle
-    to 0.005), a PGAE had none right after 600 steps; from a gain of 1, all of them after 200.
+    The published weights start in +-0.1. They are so small that a sentence hardly changes the
+    answer after several such maps. A PGAE that was trained only to repeat sentences (batches of 54,
+    one cycle to 0.005) had none right after 600 steps. With a gain of 1 it had all right after 200.
     """
     for name, matrix in nn.ModuleList(parts).named_parameters():
         if name.endswith("weight"):

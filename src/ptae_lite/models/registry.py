@@ -1,4 +1,4 @@
-"""The models there are. A new one is a file beside this one and a line in `MODELS`."""
+"""The list of models. To add one, write a file beside this one and a line in `MODELS`."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ class ModelType(NamedTuple):
     """One row of the registry.
 
     Args:
-        network: the model's class; it keeps to `common.Model` and is made from its configuration.
+        network: the model's class. It has the interface `common.Model` and is made from its
+            configuration.
         config: the class of its configuration: sizes and choices, the paper's by default.
-        recipe: how it is trained unless another recipe is given.
+        recipe: how it is trained if no other recipe is given.
     """
 
     network: type[nn.Module]

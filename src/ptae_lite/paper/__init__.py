@@ -1,1 +1,1 @@
-"""The paper: its numbers, its claims, and the report card that holds them against our tables."""
+"""The paper: its numbers, its claims, and the report card that compares them with our tables."""

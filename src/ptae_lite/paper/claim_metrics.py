@@ -1,9 +1,9 @@
-"""How a claim of the paper is read from our tables.
+"""How our tables are compared with a claim of the paper.
 
-A claim takes its values out of `Tables`, one for each training. So the stored tables and those of
-a single run are read in the same way. A claim with a number of the paper holds in the direction in
-which the text reads it (`reported.ClaimTest.reads`): a model that does better than a number to its
-credit keeps to it.
+A claim takes its values from `Tables`, one for each training. So the stored tables and those of a
+single run are read in the same way. A claim with a number of the paper holds if ours lies on the
+right side of it (`reported.PaperNumber.reads`): a model that is better than the number also agrees
+with it.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from ptae_lite.experiments.supervision import REGULAR
 from ptae_lite.paper import reported
 
 TINY = 2  # percent: with so few labels a longer training counts as well
-MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours may be so much worse than a number and keep to it
+MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours agrees with a number if it is worse by this or less
 SEPARATED, PLAIN = "separated 3x10", "plain 10"
-IN_WORDS = "in words"  # what stands in place of the paper's number where it has none
+IN_WORDS = "in words"  # stands for the paper's number if it gives none
 
 
 class Tables(NamedTuple):
-    """What claims are read from, all of one data set; a single run has only what it made."""
+    """The tables of one data set from which claims are read. A single run has only some of them."""
 
     family: pd.DataFrame
     curves: pd.DataFrame
@@ -38,31 +38,47 @@ class Tables(NamedTuple):
 
 @dataclass(frozen=True)
 class ClaimTest:
-    """A sentence of the paper in our words, and how it is held against our tables."""
+    """A sentence of the paper in our words, and how our tables test it.
+
+    Attributes:
+        group: the part of the report card.
+        says: the claim.
+        paper: the paper's number, as the text puts it.
+        values: our values, one for each training.
+        holds: whether the claim holds for these values; None if nothing can tell.
+        unit: of the values.
+        chapter: the chapter that shows it.
+        heading: the heading there.
+        caveat: what to add if it holds. A claim that holds with a caveat has one.
+        remark: what to add if it does not hold, or cannot be tested.
+        trained: each value is a training, so a single value is weak evidence.
+        longer: values of trainings with few labels, and of ones eight times as long, by seed. If
+            the long ones come nearer to the claim, the report card does not say that it fails.
+        upwards: a larger value is nearer to the claim.
+    """
 
     group: str
     says: str
-    paper: str  # its number, as the text puts it
+    paper: str
     values: Callable[[Tables], Sequence[float]] = lambda tables: []
-    holds: Callable[[np.ndarray, Tables], bool] | None = None  # None: nothing can tell
+    holds: Callable[[np.ndarray, Tables], bool] | None = None
     unit: str = "%"
     chapter: str = "03_crossmodal_transformer"
     heading: str = "What it can do"
-    caveat: str = ""  # said when it holds; a claim that holds with a caveat has one
-    remark: str = ""  # said when it does not hold, or cannot be tested
-    trained: bool = True  # a value is a training, and one of them is little
-    # What a training of few labels gave, and one eight times as long, by seed. Where that brings
-    # the claim nearer, it is not said that it does not hold.
+    caveat: str = ""
+    remark: str = ""
+    trained: bool = True
     longer: Callable[[Tables], tuple[pd.Series, pd.Series]] | None = None
-    upwards: bool = True  # a larger value is nearer to the claim
+    upwards: bool = True
 
     @property
     def digits(self) -> int:
+        """How many digits of its values are shown after the point."""
         return 2 if "NRMSE" in self.unit or "million" in self.unit else 1
 
 
 def number(says: str, claim: reported.PaperNumber, values, unit="%", **more) -> ClaimTest:
-    """A claim with a number of the paper, held against the median of the trainings."""
+    """A claim with a number of the paper. It is compared with the median of our trainings."""
 
     def holds(found, _):
         if claim.reads == reported.AT_LEAST:
@@ -75,11 +91,13 @@ def number(says: str, claim: reported.PaperNumber, values, unit="%", **more) -> 
 
 
 def always(found, _) -> bool:
-    """Whether a difference is on the claimed side with each seed."""
+    """Whether the values are above 0 with each seed."""
     return bool((found > 0).all())
 
 
 def of_family(column: str, variant: str = "PTAE"):
+    """Makes a function of `Tables`: a column of `family.csv` for one variant."""
+
     def values(tables: Tables):
         rows = tables.family
         return rows[rows["variant"] == variant][column] if len(rows) else []
@@ -88,7 +106,11 @@ def of_family(column: str, variant: str = "PTAE"):
 
 
 def lead(claim: str, column: str):
-    """By how much the first variant of one of `family.CLAIMS` is better, seed by seed."""
+    """Makes a function of `Tables`: how much better the first variant of a claim is, by seed.
+
+    Args:
+        claim: one of `family.CLAIMS`.
+    """
     first, second = family.CLAIMS[claim]
     sign = 1 if column.endswith("accuracy") else -1
 
@@ -102,7 +124,7 @@ def lead(claim: str, column: str):
 
 
 def clearly(claim: str, expected: str, *columns: str):
-    """Whether `family.clearly_better` names the expected variant, or neither, in all columns."""
+    """Makes a test: does `family.clearly_better` give the `expected` answer in all columns?"""
     pair = family.CLAIMS[claim]
     return lambda _, tables: all(
         family.clearly_better(tables.family, *pair, column) == expected for column in columns
@@ -110,7 +132,7 @@ def clearly(claim: str, expected: str, *columns: str):
 
 
 def ratio_of_updates(tables: Tables):
-    """PTAE's updates to stay above 75 % describe, as a share of PGAE's, by seed."""
+    """Updates until PTAE stays above 75 % describe accuracy, in percent of PGAE's, by seed."""
     if tables.curves.empty:
         return []
     found = family.updates_to(tables.curves[tables.curves["variant"].isin(["PTAE", "PGAE"])], 75)
@@ -119,10 +141,10 @@ def ratio_of_updates(tables: Tables):
 
 
 def with_labels(model: str, column: str, mode: str, share: float, variant: str | None = None):
-    """The trainings with a share of the labels, by seed; half of each batch where samples are few.
+    """Makes a function of `Tables`: a score with a share of the labels, by seed.
 
-    A training with 1 or 2 % of the iterations shows a label too seldom to judge, so the long one
-    counts there.
+    With 1 or 2 % of the iterations, a regular training sees labels too seldom to judge it. So the
+    long training counts there. With few samples, the variant is `balanced`.
     """
     chosen = "balanced" if mode == "samples" else "long" if share <= TINY else "paper"
 
@@ -139,9 +161,13 @@ def with_labels(model: str, column: str, mode: str, share: float, variant: str |
 
 
 def both_lengths(read, share: float):
-    """What `read(variant)` gives of a training and of the long one, with the seeds of both.
+    """Makes a function of `Tables`: the values of the regular and of the long trainings.
 
-    Labels are shown to both as in the paper. None where a share is not tiny: there is no long one.
+    Both use labels as the paper does, and both have the same seeds. None if the share is above
+    `TINY`, because there is no long training.
+
+    Args:
+        read: called with a variant; returns a function of `Tables`.
     """
 
     def values(tables: Tables) -> tuple[pd.Series, pd.Series]:
@@ -151,7 +177,10 @@ def both_lengths(read, share: float):
 
 
 def under(signal: str, conflicts: int, place: str | None = None):
-    """Scores under so many conflicts, the mean over the choices of aspects, by seed."""
+    """Makes a function of `Tables`: scores under `conflicts` conflicts, by seed.
+
+    Each is the mean over the choices of aspects.
+    """
     place = (place or EXTRA_INPUT[signal]) if conflicts else "none"
     column = "accuracy" if signal in ANSWERS_WORDS else "nrmse"
 
@@ -167,7 +196,7 @@ def under(signal: str, conflicts: int, place: str | None = None):
 
 
 def more_harm(one: str, other: str, model: str = "ptae"):
-    """How much more three conflicts cost in one signal than in the other, by seed."""
+    """Makes a function of `Tables`: how much more three conflicts harm one signal than another."""
 
     def values(tables: Tables):
         rows = tables.incongruence
@@ -181,7 +210,10 @@ def more_harm(one: str, other: str, model: str = "ptae"):
 
 
 def part_of_harm(signal: str, place: str):
-    """What three conflicts in one part of the clip cost, in percent of those in both."""
+    """Makes a function of `Tables`: harm of conflicts in one part of the clip.
+
+    It is the harm of three conflicts, in percent of the harm in both parts.
+    """
 
     def values(tables: Tables):
         calm, part, both = (
@@ -194,7 +226,7 @@ def part_of_harm(signal: str, place: str):
 
 
 def plateau(model: str, column: str, *shares: float):
-    """How far the means of some shares of the samples lie above the regular trainings'."""
+    """Makes a function of `Tables`: how far some shares lie above the regular training (means)."""
 
     def values(tables: Tables):
         regular = with_labels(model, column, "samples", 100)(tables)
@@ -205,7 +237,7 @@ def plateau(model: str, column: str, *shares: float):
 
 
 def ahead(column: str, mode: str, share: float, variant: str | None = None):
-    """By how much PTAE is ahead of PGAE with a share of the labels, seed by seed."""
+    """Makes a function of `Tables`: how far PTAE is ahead of PGAE with a share of the labels."""
 
     def values(tables: Tables) -> pd.Series:
         one, other = (
@@ -217,7 +249,7 @@ def ahead(column: str, mode: str, share: float, variant: str | None = None):
 
 
 def fall(model: str, column: str, mode: str, before: float, share: float):
-    """How much lower a share of the labels is than the share before it, seed by seed."""
+    """Makes a function of `Tables`: how much a score falls between two shares of the labels."""
 
     def values(tables: Tables) -> pd.Series:
         high, low = (with_labels(model, column, mode, s)(tables) for s in (before, share))
@@ -227,7 +259,10 @@ def fall(model: str, column: str, mode: str, before: float, share: float):
 
 
 def channels(tables: Tables):
-    """Both colours of first frames: separated channels before one network, equally many images."""
+    """How much better separate channels show both colours of first frames than one network does.
+
+    The values are points, by seed, after equally many images.
+    """
     if tables.encoders.empty:
         return []
     same = encoders_table.at(tables.encoders, encoders_table.EQUAL["images seen"])

@@ -1,4 +1,4 @@
-"""Every claim of the paper that this book looks at: where it is read, and where it is shown."""
+"""Every claim of the paper that this book tests: how it is tested, and where the book shows it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every claim of the paper about few labels: where it is read, and where it is shown."""
+"""Every claim of the paper about few labels: how it is tested, and where the book shows it."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ REMARKS = {  # by model, task, experiment and share
 
 
 def _with_few_labels() -> list[ClaimTest]:
-    """What the text says in numbers of few labels, share by share, but for the regular model."""
+    """The claims with numbers for few labels, share by share, without the regular model."""
     found = []
     for (model, column, mode), by_share in reported.BY_SHARE.items():
         for share, claim in by_share.items():
             if share == REGULAR[mode] and model == "ptae":
                 continue  # the same as in the first group
             task = column.split("_")[0]
-            long = mode == "iterations" and share <= TINY  # what is shown of it is the long one
+            long = mode == "iterations" and share <= TINY  # chapter 04 shows the long one
             found.append(number(
                 f"{model.upper()}, {task} with {share:g} % of the {mode}", claim,
                 with_labels(model, column, mode, share), group="Few labels",

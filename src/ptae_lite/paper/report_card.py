@@ -18,7 +18,7 @@ HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
 NOT_TESTABLE = "not testable"
 LONGER = f"{VARIANTS['long'].times} times the updates bring it"
 VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE)
-ASKED = [  # of a run: what claims about conflicts are read from
+ASKED = [  # the conditions that a run needs for the claims about conflicts
     condition for condition in incongruence_table.ALL
     if condition.conflict_in in ("none", "congruent") or len(condition.aspects) == 3
     or (condition.signal, condition.conflict_in) == ("repeat language", "action")
@@ -26,7 +26,11 @@ ASKED = [  # of a run: what claims about conflicts are read from
 
 
 def stored() -> Tables:
-    """The tables of `data/results`, the rows of our recording."""
+    """The stored tables; of each, the rows of our recording.
+
+    Raises:
+        ArtefactError: a table is missing or damaged.
+    """
     names = ("family", "family_curves", "supervision", "incongruence", "encoders")
     found = [pd.read_csv(artefacts.stored(f"results/{name}.csv")) for name in names]
     own = [table[table["data"] == "recording"] if "data" in table else table for table in found]
@@ -35,7 +39,7 @@ def stored() -> Tables:
 
 
 def this_run(trained: Trained, samples: Samples) -> Tables:
-    """The rows that one PTAE gives here and now: its scores, and its answers under conflict."""
+    """The tables of one PTAE, computed now: its scores, and its answers under conflict."""
     head = {"data": samples.name, "model": "ptae", "seed": trained.about["recipe"]["seed"]}
     size = sum(p.numel() for p in trained.model.parameters())
     scores = head | {"variant": "PTAE", "parameters": size} | evaluate(trained, samples)
@@ -45,7 +49,7 @@ def this_run(trained: Trained, samples: Samples) -> Tables:
 
 
 def verdict(claim: ClaimTest, tables: Tables) -> tuple[str, str]:
-    """What becomes of a claim, and the sentence that goes with it."""
+    """The verdict on a claim, one of `VERDICTS`, and a sentence about it."""
     values = np.asarray(claim.values(tables), dtype=float)
     if claim.holds is None:
         return NOT_TESTABLE, claim.remark
@@ -69,9 +73,9 @@ def verdict(claim: ClaimTest, tables: Tables) -> tuple[str, str]:
 
 
 def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
-    """A row for each claim: what the paper says, ours, this run's, the verdict, and where to look.
+    """A row for each claim: the paper's number, ours, this run's, the verdict, and where to look.
 
-    `ours` is the median of the trainings, with the lowest and the highest; the verdict is that of
+    `ours` is the median of the trainings, with the lowest and the highest. The verdict is that of
     the tables, not of the run.
     """
     rows = []
@@ -87,7 +91,7 @@ def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
 
 
 def written(claim: ClaimTest, values) -> str:
-    """Median and range of a claim's values, with their number; empty if there are none."""
+    """Median and range of a claim's values, and how many there are; empty if there are none."""
     values = np.asarray(values, dtype=float) + 0.0  # no -0.0
     if not len(values):
         return ""

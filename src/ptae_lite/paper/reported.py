@@ -1,7 +1,6 @@
-"""The numbers that the paper's running text states, each with where it stands.
+"""The numbers in the paper's running text (PTAE, arXiv 2301.03353), each with its section.
 
-Only what is written out is here; nothing is read off from a figure. The text states no seeds, no
-spread and no repeats. PTAE: arXiv 2301.03353.
+Nothing is read from a figure. The text has no seeds, no spread and no repetitions.
 """
 
 from __future__ import annotations
@@ -12,12 +11,19 @@ AT_LEAST, AT_MOST = "at least", "at most"
 
 
 class PaperNumber(NamedTuple):
-    """One number of the paper."""
+    """One number of the paper.
 
-    value: float  # percent
-    says: str  # how exactly the text puts it
+    Args:
+        value: in percent.
+        says: how the text puts it.
+        section: where it stands.
+        reads: `at least` or `at most`: the direction in which a model of ours agrees with it.
+    """
+
+    value: float
+    says: str
     section: str
-    reads: str  # is a model to its credit, or its blame, at least there, or at most?
+    reads: str
 
 
 _CONFLICT = "conflict results"
@@ -62,9 +68,9 @@ BY_SHARE: dict[tuple[str, str, str], dict[float, PaperNumber]] = {
         100: PaperNumber(0.5, "below 0.5 % in the regular training", _KEPT[1], AT_MOST),
     },
 }
-# Describe with 2 % of the samples is "up to 50 %" in one place and more than half in another, so
-# there is no one number. Of PGAE the text says more in words: falling at 10 % of the iterations;
-# with few samples lower than PTAE, above chance at 1 and 2 %.
+# Describe with 2 % of the samples has no number here: the text says "up to 50 %" in one place and
+# more than half in another. The text says more of PGAE in words: it falls at 10 % of the
+# iterations; with few samples it is lower than PTAE, and above chance at 1 and 2 %.
 
 # By the number of conflicts in the extra input, as far as the text has numbers.
 _NOTHING_LEFT = PaperNumber(0.0, "0 % with one conflict or more", _CONFLICT, AT_MOST)
@@ -85,7 +91,7 @@ CONFLICTS = {
     },
 }
 
-# The published code's training, and what a step of it takes: 99 single-step calls through the
-# layers, measured on one thread of this book's test machine with the published classes.
+# Steps of the published training, and the seconds of a step: measured with the published classes on
+# one thread of this book's test machine. A step calls the layers 99 times, once a frame.
 STEPS = {"ptae": 270_000, "pgae": 648_000}  # batches of 6
 SECONDS_A_STEP = {"ptae": 0.14, "pgae": 0.25}

@@ -1,1 +1,1 @@
-"""Figures: one module a chapter, and the style that all share."""
+"""Figures: one module a chapter, and the style of all of them."""

@@ -1,4 +1,4 @@
-"""Figures of the closed loop: who succeeds, what the joint error says of it, film strips."""
+"""Figures of the closed loop: success by model, success by joint error, and rows of images."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ptae_lite.plots import style
 
 
 def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, float]) -> Figure:
-    """Success of each model: a dot a training, a bar at the median.
+    """Success of each model: a dot for each training, a bar at the median.
 
     Args:
         rates: columns `model`, `seed` and `success` in percent.
-        models: the models from top to bottom, and what to call each.
-        references: dotted lines, and what to call them.
+        models: the models from top to bottom, with their labels.
+        references: dotted lines: label to percent.
     """
     figure, axis = plt.subplots(figsize=(7.5, 0.42 * len(models) + 0.9))
     for y, model in enumerate(models):
@@ -35,7 +35,7 @@ def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, 
 
 
 def error_against_success(rates: pd.DataFrame, scores: pd.DataFrame) -> Figure:
-    """Each training: its joint error with the clip's own input, and its success in the loop."""
+    """Each training: its execute NRMSE as in chapter 03, and its success in the loop."""
     both = rates.merge(scores, on=["model", "seed"])
     figure, axis = plt.subplots(figsize=(6.2, 3.2))
     marks = "osD^vPX"
@@ -49,9 +49,9 @@ def error_against_success(rates: pd.DataFrame, scores: pd.DataFrame) -> Figure:
 
 
 def ways(table: pd.DataFrame) -> Figure:
-    """How far the named and the other cube went, an episode a dot, by condition.
+    """How far the named and the other cube moved, in mm: a dot an episode, a panel a condition.
 
-    A cube that was flung off the table is drawn at the chart's edge.
+    A cube that fell far away is drawn at the edge.
     """
     names = list(dict.fromkeys(table["condition"]))
     figure, axes = plt.subplots(1, len(names), figsize=(7.5, 2.5), sharex=True, sharey=True)
@@ -71,10 +71,10 @@ def ways(table: pd.DataFrame) -> Figure:
 
 
 def strips(path=None) -> Figure:
-    """Film strips of episodes, a row each, with the instruction and what came of it."""
+    """Rows of images of episodes, with the instruction and the result."""
     with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
         videos, texts = file["strips"], file["texts"].tolist()
-    # by hand: the automatic layout would make the first column as wide as the lines over it
+    # layout by hand: the automatic one makes the first column as wide as the text over it
     figure, axes = plt.subplots(
         *videos.shape[:2], figsize=(7.5, 1.35 * len(videos)), layout="none",
         gridspec_kw={"left": 0, "right": 1, "bottom": 0, "top": 0.97, "wspace": 0.04,

@@ -1,6 +1,6 @@
 """Figures of incongruence: the four signals by the number of conflicts, and what answers follow.
 
-All are drawn from the table of `experiments.incongruence_table`; no model runs here.
+All are drawn from the table of `experiments.incongruence_table`. No model runs here.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ FILLS = {  # of a bar, and its hatch
 
 
 def score_name(signal: str) -> str:
-    """The column that scores a signal: `accuracy`, where high is good, or `nrmse`."""
+    """The column with a signal's score: `accuracy` (high is good) or `nrmse` (low is good)."""
     return "accuracy" if signal in ANSWERS_WORDS else "nrmse"
 
 
 def by_conflicts(table: pd.DataFrame) -> Figure:
-    """One model's four signals over the number of conflicts.
+    """One model's four signals by the number of conflicts.
 
-    A point is the mean over choices of aspects and over seeds; its bar reaches from the lowest to
-    the highest seed. Diamonds and crosses at zero are the congruent controls, triangles the
-    numbers of the paper's text.
+    A point is the mean over choices of aspects and over seeds, and its bar goes from the lowest to
+    the highest seed. Diamonds and crosses at zero are the congruent controls. Triangles are the
+    numbers in the paper's text.
     """
     figure, axes = plt.subplots(2, 2, figsize=(7.5, 5.2), sharex=True)
     for axis, signal in zip(axes.flat, SHOWN, strict=True):
@@ -113,7 +113,7 @@ def compared(table: pd.DataFrame) -> Figure:
 
 
 def followed(table: pd.DataFrame) -> Figure:
-    """What one model's answers follow, a stack for each condition; means of choices and seeds."""
+    """What one model's answers follow: a bar for each condition, means over choices and seeds."""
     rows = {signal: _conditions(signal) for signal in SHOWN}
     heights = [max(len(rows[s]) for s in SHOWN[:2]), max(len(rows[s]) for s in SHOWN[2:])]
     figure, axes = plt.subplots(
@@ -141,7 +141,7 @@ def followed(table: pd.DataFrame) -> Figure:
 
 
 def _conditions(signal: str) -> dict[str, tuple[str, int]]:
-    """The rows of a signal's stack by name: where the conflict is, and how many."""
+    """The bars of a signal, by name: where the conflict is, and how many."""
     rows = {"regular": ("none", 0), "congruent": ("congruent", 0),
             "another": ("congruent_other", 0)}  # fmt: skip
     if signal == "execute":
@@ -154,7 +154,7 @@ def _conditions(signal: str) -> dict[str, tuple[str, int]]:
 
 
 def attention(weights: Mapping[str, Mapping[str, Float[np.ndarray, "heads T"]]]) -> Figure:
-    """Where each head looks over a clip: a row for each signal, a line for each input."""
+    """Where each head attends over a clip: a row for each signal, a line for each input."""
     heads = len(next(iter(next(iter(weights.values())).values())))
     figure, axes = plt.subplots(
         len(weights), heads, figsize=(7.5, 0.6 + 1.6 * len(weights)), sharex=True, squeeze=False

@@ -1,7 +1,7 @@
-"""Figures of the models: their family, joints, attention and learning.
+"""Figures of the models: the family, joints, attention and learning.
 
-Data in, a matplotlib figure out, off pyplot's list: a notebook shows it where it is a cell's last
-line.
+Each function returns a closed matplotlib figure. A notebook shows it once, if it is the last line
+of a cell.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FAMILY = {
 def trajectories(
     truth: Float[np.ndarray, "T 5"], predicted: dict[str, np.ndarray], title: str = ""
 ) -> Figure:
-    """The five joints over the clip, in degrees: the truth in grey, predictions over it."""
+    """The five joints over a clip, in degrees: the recorded ones in grey, predictions over them."""
     figure, axes = plt.subplots(1, 5, figsize=(9.5, 2.2), sharex=True)
     looks = (("-", style.BLUE), ("--", style.ORANGE), (":", style.RED))
     for j, axis in enumerate(axes):
@@ -67,7 +67,11 @@ def trajectories(
 def attention_map(
     weights: Float[np.ndarray, "heads N T"], tokens: list[str], frames: int, title: str = ""
 ) -> Figure:
-    """Where each head looks: one picture a head, tokens down, frames across."""
+    """Where each head attends: a picture for each head, tokens down, frames across.
+
+    Args:
+        frames: clip length; a dotted line marks it.
+    """
     figure, axes = plt.subplots(1, len(weights), figsize=(9.5, 1.7), sharey=True)
     for head, axis in enumerate(axes):
         picture = axis.imshow(
@@ -95,7 +99,7 @@ def learning_curve(history: Float[np.ndarray, "epochs 2"], title: str = "") -> F
 
 
 def family() -> Figure:
-    """PRAE, PVAE, PGAE and PTAE as block diagrams, one below the other's name."""
+    """PRAE, PVAE, PGAE and PTAE as block diagrams."""
     figure, axes = plt.subplots(2, 2, figsize=(9.5, 5.2))
     for axis, (name, (boxes, arrows, sentence)) in zip(axes.flat, FAMILY.items(), strict=True):
         signal = "\n+ signal" if name in ("PGAE", "PTAE") else ""
@@ -124,11 +128,11 @@ def family() -> Figure:
 
 
 def convergence(curves: pd.DataFrame, variants: dict[str, str]) -> Figure:
-    """Describe accuracy while training, by updates and by seconds of computing, a line a seed.
+    """Describe accuracy during training, by updates and by seconds of computing, a line a seed.
 
     Args:
         curves: the table `family_curves.csv`.
-        variants: which to draw, each with its colour.
+        variants: the variants to draw, each with its colour.
     """
     figure, axes = plt.subplots(1, 2, figsize=(8.5, 2.9), sharey=True)
     for axis, column in zip(axes, ("updates", "seconds"), strict=True):

@@ -1,7 +1,7 @@
-"""The figures of the first chapters: rows of camera images, the arm, joints and cubes in motion.
+"""Figures of the simulation: rows of camera images, the arm, and the motion of joints and cubes.
 
-Each function returns a matplotlib figure that is off pyplot's list: a notebook shows it once, where
-it is a cell's last line.
+Each function returns a closed matplotlib figure. A notebook shows it once, if it is the last line
+of a cell.
 """
 
 from __future__ import annotations
@@ -32,10 +32,14 @@ def grid(
     groups: Sequence[int] | None = None,
     width_in: float = 7.0,
 ) -> Figure:
-    """Rows of images (H x W x 3 bytes, all alike) with a label before each row.
+    """Rows of images (H x W x 3 bytes, all of one size), with a label before each row.
 
-    `headings` stand over the columns; where `groups` says how many columns belong together, one
-    over each group. Raises `PTAEError` for rows of different lengths.
+    Args:
+        headings: over the columns, or over the groups.
+        groups: how many columns belong together.
+
+    Raises:
+        PTAEError: the rows have different lengths.
     """
     columns, (height, width, _) = next((len(row), np.shape(row[0])) for row in rows.values())
     edges = np.cumsum([0, *(groups or [1] * columns)])
@@ -45,9 +49,10 @@ def grid(
     gaps[edges[1:] - 1] = GROUP_GAP_PX if groups else GAP_PX
     left = np.cumsum([0, *(width + gaps)])
     top = np.arange(len(rows)) * (height + GAP_PX)
-    sheet = np.full((top[-1] + height, left[-2] + width, 3), 255, np.uint8)
+    # With a channel that says it is opaque; else matplotlib adds one, in doubles (30 MB for 28).
+    sheet = np.full((top[-1] + height, left[-2] + width, 4), 255, np.uint8)
     for (r, row), c in product(enumerate(rows.values()), range(columns)):
-        sheet[top[r] : top[r] + height, left[c] : left[c] + width] = row[c]
+        sheet[top[r] : top[r] + height, left[c] : left[c] + width, :3] = row[c]
     height_in = (width_in - 1) * sheet.shape[0] / sheet.shape[1] + 0.3
     figure, axes = plt.subplots(figsize=(width_in, height_in))
     axes.imshow(sheet)
@@ -68,7 +73,13 @@ def arm_drawing(
     path_m: Float[np.ndarray, "T 3"] | None = None,
     sticks_rad: Sequence[Float[np.ndarray, " 5"]] = (),
 ) -> Figure:
-    """The robot and the cubes at one instant; the fingertips' path, other poses as sticks."""
+    """The robot and the cubes at one instant.
+
+    Args:
+        cubes: poses of the left and the right cube: position in metres, quaternion x y z w.
+        path_m: a path of the fingertips to draw.
+        sticks_rad: further poses, drawn as lines.
+    """
     links = {name: pose[0] for name, pose in arm.link_transforms(joints_rad[None]).items()}
     links |= {"world": np.eye(4), "a": np.eye(4), "b": np.eye(4)}
     shapes = [shape for shape in arm.SHAPES if shape.drawn]
@@ -99,7 +110,7 @@ def arm_drawing(
 
 
 def _lit(shape: arm.Shape, links):
-    """A shape's faces in the world, as polygons with their colours."""
+    """The faces of a shape in the world, as polygons with their colours."""
     turned = np.eye(3)
     for axis, angle in zip(np.eye(3), shape.rpy, strict=True):
         turned = arm.rotation(axis, [angle])[0] @ turned
@@ -113,9 +124,9 @@ def _lit(shape: arm.Shape, links):
 
 
 def _faces(shape: arm.Shape) -> list[np.ndarray]:
-    """The outline of a shape: rings along z, with sides between them, and two caps.
+    """The surface of a shape: rings along z with faces between them, and two caps.
 
-    All have four corners. matplotlib pads unequal ones with memory that it never set.
+    All faces have four corners. matplotlib fills up unequal ones with memory that it never set.
     """
     turn, size = np.linspace(0, 2 * pi, 17), np.array(shape.size)
     ring = size[0] * np.stack([np.cos(turn), np.sin(turn)], 1)
@@ -134,7 +145,7 @@ def _faces(shape: arm.Shape) -> list[np.ndarray]:
 
 
 def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None, **axis) -> Figure:
-    """Named curves (x, y), and `dots` likewise; `axis` goes to matplotlib's `Axes.set`."""
+    """Named curves (x, y), and named points as `dots`. `axis` goes to matplotlib's `Axes.set`."""
     figure, axes = plt.subplots(figsize=(6.4, 2.3))
     for (name, (x, y)), dash in zip(curves.items(), ("-", "--", "-.", ":") * 2, strict=False):
         axes.plot(x, y, dash, label=name)
@@ -145,8 +156,44 @@ def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None,
     return style.closed(figure)
 
 
+def audit(checks: Mapping[str, tuple[int, int, int]], names: tuple[str, str]) -> Figure:
+    """Two data sets under some checks, each (passed by the first, passed by the second, of).
+
+    A row for each check, from none to all; a square for the first set, a circle for the second.
+    """
+    figure, axes = plt.subplots(figsize=(6.4, 0.55 * len(checks) + 0.7))
+    looks = (("s", style.RED), ("o", style.BLUE))
+    for row, (*passed, total) in enumerate(checks.values()):
+        axes.plot([0, 1], [row, row], color="#D0D0D0", lw=1, zorder=1)
+        for count, name, (mark, colour) in zip(passed, names, looks, strict=True):
+            axes.plot(count / total, row, mark, color=colour, ms=8, zorder=2)
+            text = f"{count}" + (f" ({name})" if row == 0 else "")
+            axes.annotate(text, (count / total, row), (0, 8), textcoords="offset points",
+                          ha="center", color=colour)  # fmt: skip
+    labels = [f"{check} (of {total})" for check, (*_, total) in checks.items()]
+    axes.set_yticks(range(len(labels)), labels)
+    axes.set(xticks=[0, 1], xticklabels=["none", "all"], xlim=(-0.15, 1.15))
+    axes.set_ylim(len(labels) - 0.6, -0.7)
+    axes.grid(False)
+    axes.spines[:].set_visible(False)
+    axes.tick_params(length=0)
+    return style.closed(figure)
+
+
+def ranges(used: Mapping[str, tuple[float, float]], allowed: Sequence[tuple], unit: str) -> Figure:
+    """The range of each joint that a data set uses, within the range that is allowed."""
+    figure, axes = plt.subplots(figsize=(6.4, 2.0))
+    for row, ((low, high), (least, most)) in enumerate(zip(used.values(), allowed, strict=True)):
+        axes.barh(row, most - least, left=least, height=0.7, color="#DDDDDD")
+        axes.barh(row, high - low, left=low, height=0.35, color=style.BLUE)
+    axes.set_yticks(range(len(used)), list(used))
+    axes.invert_yaxis()
+    axes.set(xlabel=unit)
+    return style.closed(figure)
+
+
 def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
-    """The five joints over time in degrees, a panel each; a group of tracks has one colour."""
+    """The five joints over time in degrees, a panel each. A group of clips has one colour."""
     figure, row = plt.subplots(1, len(arm.JOINTS), figsize=(7.4, 2.1), sharex=True)
     for (j, axes), (g, (name, tracks)) in product(enumerate(row), enumerate(groups.items())):
         for k, track in enumerate(tracks):
@@ -159,7 +206,7 @@ def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
 
 
 def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
-    """How far cubes went, in mm: a row for each action, in it a dot for each sample and cube."""
+    """How far cubes moved, in mm: a row for each action, with a dot for each sample and cube."""
     figure, axes = plt.subplots(figsize=(6.4, 2.0))
     for i, cubes in enumerate(rows.values()):
         for c, (name, far) in enumerate(cubes.items()):

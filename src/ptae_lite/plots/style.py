@@ -1,4 +1,4 @@
-"""One look for all figures: sizes, colours for colour-blind readers too, byte-stable SVG."""
+"""The style of all figures: sizes, colours that colour-blind readers tell apart, stable files."""
 
 from __future__ import annotations
 
@@ -38,32 +38,32 @@ RC = {
 
 
 def use() -> None:
-    """Take this look for every figure that follows in this process; on the site, as vectors."""
+    """Use this style for all figures of this process. On the site, figures are vectors."""
     plt.rcParams.update(RC)
     if for_site() and get_ipython() is not None:
         set_matplotlib_formats("svg", metadata={"Date": None})
 
 
 def closed(figure: Figure) -> Figure:
-    """The figure, off pyplot's list: or a notebook would show it a second time, below the cell."""
+    """The figure, closed in pyplot. An open one would be shown twice by a notebook."""
     plt.close(figure)
     return figure
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a small PNG file of 128 colours, the same bytes each time."""
+    """The figure as a PNG file of 128 colours. The same figure gives the same bytes."""
     small = io.BytesIO()
     _image(figure).quantize(128, dither=0).save(small, "PNG", optimize=True)
     return small.getvalue()
 
 
 def chart(figure: Figure) -> DisplayedImage:
-    """The figure as the small PNG of `png`, a third of what a notebook would make of it."""
+    """The figure as the PNG of `png`, a third of the size that a notebook would make."""
     return DisplayedImage(png(figure), format="png")
 
 
 def photo(figure: Figure) -> DisplayedImage:
-    """The figure as a JPEG, a fifth of the PNG's size where the images in it are noisy."""
+    """The figure as a JPEG; for noisy images it has a fifth of the size of a PNG."""
     small = io.BytesIO()
     _image(figure).save(small, "JPEG", quality=80, subsampling=0)
     return DisplayedImage(small.getvalue(), format="jpeg")
@@ -71,7 +71,7 @@ def photo(figure: Figure) -> DisplayedImage:
 
 def _image(figure: Figure) -> Image.Image:
     drawn = io.BytesIO()
-    # a figure without a layout would leave a tight save with the layout that is the default
+    # with the default layout on, a tight save would change a figure that has no layout
     with plt.rc_context({"figure.constrained_layout.use": False}):
         figure.savefig(drawn, format="png", dpi=110, bbox_inches="tight")
     return Image.open(drawn).convert("RGB")

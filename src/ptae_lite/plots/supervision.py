@@ -1,6 +1,6 @@
-"""Figures of limited supervision: the paper's figures from our table.
+"""Figures of limited supervision: the paper's figures, drawn from our tables.
 
-Everything is drawn from the stored tables of `experiments.supervision`, whatever rows they have.
+They are drawn from the tables of `experiments.supervision`, whatever rows these have.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ptae_lite.experiments.supervision import REGULAR, SHARES, VARIANTS
 from ptae_lite.paper import reported
 from ptae_lite.plots import style
 
-LOOKS = {  # colour, dash, mark; and of the paper's points
+LOOKS = {  # colour, line style, mark; the paper's points have the same colour
     "ptae": (style.BLUE, "-", "o"),
     "pgae": (style.ORANGE, "--", "s"),
     "pvae": (style.GREEN, "-.", "D"),
@@ -32,7 +32,7 @@ PAPERS = (  # the three figures of the paper
 
 
 def rows_of(table: pd.DataFrame, model: str, mode: str, variant: str | None = None) -> pd.DataFrame:
-    """The rows of one curve, the regular training's among them; of the main variant if None."""
+    """The rows of one curve, with those of the regular training. None for the main variant."""
     mine = table[(table["model"] == model) & (table["mode"] == mode)]
     wanted = MAIN[mode] if variant is None else (variant,)
     return mine[mine["variant"].isin(wanted) | (mine["share"] == REGULAR[mode])]
@@ -41,9 +41,9 @@ def rows_of(table: pd.DataFrame, model: str, mode: str, variant: str | None = No
 def by_share(table: pd.DataFrame) -> Figure:
     """The paper's figures: describe by iterations and by samples, execute by samples.
 
-    A point is the mean over the seeds, its bar reaches from the worst to the best of them; one
-    seed has no bar. Hollow marks are the longer trainings with few iterations, triangles the
-    numbers that the paper's text states, in the model's colour.
+    A point is the mean over the seeds, and its bar goes from the worst to the best of them; one
+    seed has no bar. Hollow marks are the longer trainings. Triangles are the numbers in the paper's
+    text, in the model's colour.
     """
     figure, axes = plt.subplots(1, 3, figsize=(9.5, 3.3))
     for axis, (column, mode) in zip(axes, PAPERS, strict=True):
@@ -54,9 +54,9 @@ def by_share(table: pd.DataFrame) -> Figure:
 
 
 def by_samples_seen(table: pd.DataFrame) -> Figure:
-    """Describe accuracy of PTAE over how often a label was shown; a mark a training.
+    """Describe accuracy of PTAE by how often a sample was shown with its label: a mark a training.
 
-    Numbers are the shares in percent. Variants of what is labelled or shown are left out.
+    The numbers are shares in percent. The variants `covering` and `shuffled-scenes` are left out.
     """
     mine = table[
         (table["model"] == "ptae") & ~table["variant"].isin(["covering", "shuffled-scenes"])
@@ -78,13 +78,13 @@ def by_samples_seen(table: pd.DataFrame) -> Figure:
 
 
 def draw_measure(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> None:
-    """One measure in one experiment: every model, the paper's points, chance."""
+    """One score in one experiment: every model, the paper's points, and chance."""
     for model, (colour, dash, mark) in LOOKS.items():
         rows = rows_of(table, model, mode)
         found = rows[rows[column].notna()].groupby("share")[column].agg(["mean", "min", "max"])
         if len(found):
             reach = [found["mean"] - found["min"], found["max"] - found["mean"]]
-            several = (reach[0] + reach[1]).where(lambda r: r > 0)  # no bar where there is one
+            several = (reach[0] + reach[1]).where(lambda r: r > 0)  # one seed has no bar
             bars = [side.where(several.notna()) for side in reach]
             axis.errorbar(found.index, found["mean"], yerr=bars, color=colour, linestyle=dash,
                           marker=mark, markersize=4, capsize=2, label=NAMES[model])  # fmt: skip
@@ -97,7 +97,7 @@ def draw_measure(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> Non
         if paper:
             axis.plot(list(paper), [claim.value for claim in paper.values()], "^", color=colour,
                       fillstyle="none", label=f"{NAMES[model]} in the paper's text")  # fmt: skip
-    if mode == "iterations":  # where every sample has a label, the baseline has them all
+    if mode == "iterations":  # every sample has a label here, so the baseline uses all labels
         sums = rows_of(table, "linear", "samples")
         sums = sums[sums["share"] == REGULAR["samples"]][column].mean()
         if pd.notna(sums):
@@ -114,7 +114,7 @@ def draw_measure(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> Non
 
 
 def shared_legend(figure: Figure, axes) -> None:
-    """One legend of all axes, each label once."""
+    """One legend for all axes, with each label once."""
     found: dict = {}
     for axis in axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):

@@ -1,4 +1,4 @@
-"""Small panels of a study's table: every seed a dot, their mean a line, references dotted."""
+"""Figures of the image encoders: scores of a study by seed, marked images, components."""
 
 from __future__ import annotations
 
@@ -25,11 +25,16 @@ def dots_by_seed(
     levels: Mapping[str, pd.Series] | None = None,
     ticks: Sequence[float] | None = None,
 ) -> Figure:
-    """A panel for each column in `panels` (with its label) over the column `x`.
+    """A panel for each column in `panels` over the column `x`: a dot a seed, a line of means.
 
-    Rows with the same `group` have one colour; `levels` are rows without a place along `x`.
-    With `ticks` that axis is logarithmic above the first of them that is not 0, and shows them.
-    Raises `PTAEError` where there are more groups than line styles to distinguish them.
+    Args:
+        group: rows with the same value in this column have one colour.
+        panels: column to label.
+        levels: named rows without a value of `x`, drawn as horizontal lines.
+        ticks: values shown on the x axis. It is then logarithmic above the smallest that is not 0.
+
+    Raises:
+        PTAEError: there are more groups than line styles.
     """
     groups = list(dict.fromkeys(rows[group]))
     if len(groups) > len(LOOKS):
@@ -57,7 +62,11 @@ def dots_by_seed(
 def marked(
     images: Sequence[np.ndarray], points: Mapping[str, np.ndarray], titles: Sequence[str]
 ) -> Figure:
-    """Images side by side, marked at (column, row): one mark an image for each of three names."""
+    """Images side by side, each with a mark for each of up to three names.
+
+    Args:
+        points: name to its places (column, row), one for each image, in pixels.
+    """
     figure, row = plt.subplots(1, len(images), figsize=(7, 1.8), sharey=True)
     for i, (axes, image, title) in enumerate(zip(row, images, titles, strict=True)):
         axes.imshow(image)
@@ -74,7 +83,7 @@ def marked(
 def components(
     parts: Mapping[str, Float[np.ndarray, " K"]], curves: Mapping[str, tuple], y_label: str
 ) -> Figure:
-    """Stacked bars of `parts` (% of all variance) by component; beside them `curves` (x, y)."""
+    """Stacked bars of `parts` (% of all variance) by component, and beside them `curves` (x, y)."""
     figure, (bars, plot) = plt.subplots(1, 2, figsize=(7.2, 2.4))
     base = 0
     for (name, part), colour in zip(parts.items(), (style.ORANGE, style.GREY), strict=False):

@@ -1,1 +1,1 @@
-"""Everything made anew and compared with what is stored; and a certificate of one run."""
+"""A full re-run, compared with the stored files; and a certificate of one run."""

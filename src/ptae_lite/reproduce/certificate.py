@@ -1,9 +1,9 @@
 """A certificate of a run of the book: `python3 run.py certify`; a teacher's `--check FILE ...`.
 
-It holds what ran, on which versions and files, the model's scores, and its answers to a dozen test
-clips that the reader's name picks: whoever copies a file has to ask the model again. Two that were
-made from one run of the chapters have its seconds in common. It is no signature: the code that
-writes it is open, and so is the code that could forge it.
+It has what ran, the versions and files, the model's scores, and the model's answers for a dozen
+test clips. The reader's name chooses the clips, so whoever copies a certificate has to run the
+model again. Two certificates of one run of the chapters have the same seconds in them. A
+certificate is not a signature: the code that writes it is open, so it can be forged.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ FIELDS = ("name", "versions", "environment", "library", "sources", "data", "chap
 
 
 def asked(name: str, test: np.ndarray) -> np.ndarray:
-    """The test samples that a name picks."""
+    """The test samples that a name chooses."""
     seed = int.from_bytes(hashlib.sha256(name.strip().encode()).digest()[:8], "big")
     return np.sort(np.random.default_rng(seed).choice(test, ASKED, replace=False))
 
 
 def answers(trained, samples, name: str) -> list[dict]:
-    """What the model says and does when it is asked for the clips of a name."""
+    """What the model says and does for the clips of a name."""
     source, chosen = Source(trained.dataset(samples)), asked(name, samples.split("test"))
     said = sentences(respond(trained, source, chosen, "describe"))
     made = poses(respond(trained, source, chosen, "execute"), trained.scaling)
@@ -62,7 +62,7 @@ def answers(trained, samples, name: str) -> list[dict]:
 
 
 def ask(name: str) -> dict:
-    """The stored model's scores on all test clips, and its answers to those of a name."""
+    """The stored model's scores on all test clips, and its answers for those of a name."""
     trained = checkpoint.load(artefacts.stored(MODEL))
     samples = load_samples()
     scores = {score: round(value, 3) for score, value in evaluate(trained, samples).items()}
@@ -70,13 +70,18 @@ def ask(name: str) -> dict:
 
 
 def stored_hashes() -> dict[str, str]:
-    """What the files in `data/` are, which need not be what the manifest says."""
+    """SHA-256 of the files in `data/` as they are now; the manifest may say something else."""
     there = {name: artefacts.data_folder() / name for name in artefacts.manifest()}
     return {name: artefacts.sha256(path) if path.is_file() else "" for name, path in there.items()}
 
 
 def make(name: str, times: dict) -> dict:
-    """The certificate of one who is called `name`, after the chapters took `times`."""
+    """The certificate of a reader.
+
+    Args:
+        name: the reader's name.
+        times: seconds and traceback of each chapter.
+    """
     data, expected = stored_hashes(), artefacts.manifest()
     chapters = {c: _outcome(**t) for c, t in times.items()}
     sources = fingerprints.chapters()
@@ -101,15 +106,17 @@ def make(name: str, times: dict) -> dict:
 
 
 def _outcome(seconds: float, traceback: str) -> dict:
-    """How a chapter's run ended; of an error its name alone, for a message may hold a path."""
+    """How a chapter's run ended. Of an error only the name is kept: a message may have a path."""
     error = traceback.strip().rpartition("\n")[2].partition(":")[0]
     return {"seconds": seconds, "ran": not traceback} | ({"error": error} if traceback else {})
 
 
 def failed(expected, chapters: dict) -> list[str]:
-    """What did not run to its end, with the error where one is known: chapters, and the front page.
+    """The chapters (and the front page) that did not run to the end, with the error if it is known.
 
-    `expected` are the chapters that there are, `chapters` what a certificate says of those it ran.
+    Args:
+        expected: the chapters that there are.
+        chapters: what a certificate says of those that ran.
     """
     ran = {name for name, one in chapters.items() if isinstance(one, dict) and one.get("ran")}
     names = sorted((set(expected) | set(chapters)) - ran)
@@ -118,18 +125,22 @@ def failed(expected, chapters: dict) -> list[str]:
 
 
 def run_of(body: dict) -> str:
-    """A name for the run behind a certificate: no other takes the same seconds."""
+    """A short hash of the run behind a certificate. Another run takes other seconds."""
     return hashlib.sha256(json.dumps(body["chapters"], sort_keys=True).encode()).hexdigest()[:8]
 
 
 def seal(body: dict) -> str:
-    """A hash of all but the seal: a change by hand shows."""
+    """A hash of everything but the seal. It shows whether a certificate was changed by hand."""
     rest = {key: value for key, value in body.items() if key != "seal"}
     return hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()
 
 
 def read(path) -> dict:
-    """A certificate from a file. Raises `ArtefactError` where it is none."""
+    """Read a certificate.
+
+    Raises:
+        ArtefactError: the file is missing, or is no certificate.
+    """
     path = Path(path)
     wrong = ArtefactError(f"{path} is no certificate of ours; one is made by: run.py certify")
     try:
@@ -150,7 +161,7 @@ def read(path) -> dict:
 
 
 class Line(NamedTuple):
-    """One thing that was checked; what is only a remark does not fail a certificate."""
+    """One check and its result. A remark does not fail a certificate."""
 
     good: bool
     what: str
@@ -159,7 +170,7 @@ class Line(NamedTuple):
 
 
 def check(body: dict) -> list[Line]:
-    """Hold a certificate against this checkout, whose model is asked the same questions."""
+    """Compare a certificate with this checkout, whose model is asked the same questions."""
     data = {name: entry["sha256"] for name, entry in artefacts.manifest().items()}
     other = sorted(n for n in data.keys() | body["data"].keys()
                    if data.get(n) != body["data"].get(n))  # fmt: skip
@@ -192,7 +203,7 @@ def check(body: dict) -> list[Line]:
 
 
 def _same_answer(mine: dict, theirs) -> bool:
-    """The same clip, the same words, and a motion as far off, but for the last digits."""
+    """Whether two answers have the same clip, the same words, and nearly the same motion error."""
     if not isinstance(theirs, dict):
         return False
     near = abs(mine["nrmse"] - _number(theirs.get("nrmse"))) <= NEAR
@@ -204,6 +215,7 @@ def _number(value) -> float:
 
 
 def show(body: dict, lines: list[Line]) -> int:
+    """Print the checks of a certificate; returns 0 if it holds."""
     print(f"{body['name'] or 'no name'}, {body.get('made')}, run {run_of(body)}, "
           + ", ".join(f"{k} {v}" for k, v in body["versions"].items()))  # fmt: skip
     for line in lines:
@@ -215,7 +227,7 @@ def show(body: dict, lines: list[Line]) -> int:
 
 
 def check_all(paths) -> int:
-    """Check each file, and say which of them were made from one run."""
+    """Check each file, and say which of them come from one run."""
     status, runs = 0, {}
     for path in paths:
         body = read(path)
@@ -228,16 +240,17 @@ def check_all(paths) -> int:
 
 
 def run_book() -> Path:
-    """Run the chapters as they are stored; the file with their times, if it came to that."""
+    """Run the chapters with the stored results; returns the file with their times."""
     times = artefacts.ROOT / "build" / "chapter_times.json"
     times.unlink(missing_ok=True)  # of an earlier run
-    # What fails in it stands in the certificate.
+    # its exit code does not matter: the certificate says what failed
     command = [sys.executable, "-m", "ptae_lite.book.site", "--tier", "replay"]
     subprocess.run(command, cwd=artefacts.ROOT)
     return times
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py certify`."""
     made = argparse.ArgumentParser(
         prog="run.py certify",
         description="Run the chapters and write what came out into one small file; or --check it.",
@@ -258,6 +271,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None) -> int:
+    """Write or check certificates; returns the exit code."""
     options = parser().parse_args(arguments)
     torch.set_num_threads(1)
 

@@ -1,8 +1,8 @@
-"""How a re-made file is held against the stored one, each within a tolerance that it states.
+"""How a file of a re-run is compared with the stored one; each check states its tolerance.
 
-The same bytes always agree. Where they cannot be expected (another machine, an encoder of today's
-recipe, another seed), a check compares what the file is good for: the numbers of a table, the
-scores of a model, the motions of a recording.
+Equal bytes always agree. Other machines, recipes or seeds give other bytes. Then a check compares
+what the file is used for: the numbers of a table, the scores of a model, the motions of a
+recording.
 """
 
 from __future__ import annotations
@@ -30,23 +30,37 @@ OTHER_SHAPES = "its arrays have other names or shapes"
 
 
 class Comparison(NamedTuple):
+    """The result of a comparison.
+
+    Args:
+        agrees: whether the file agrees within the tolerance.
+        says: what was found.
+        whole: whether all that is stored was made again and compared.
+    """
+
     agrees: bool
     says: str
-    whole: bool = True  # all that is stored was made again and compared
+    whole: bool = True
 
 
 class Check(NamedTuple):
-    """How a file is compared: `compare(name, remade, stored)`, the two being data folders."""
+    """How a file is compared.
 
-    states: str  # the tolerance
+    Args:
+        states: the tolerance, in words.
+        compare: called as `compare(name, remade, stored)`, with two data folders.
+        key: columns that name a row, for a table of which a re-run may make only some rows.
+    """
+
+    states: str
     compare: Callable[[str, Path, Path], Comparison]
-    key: tuple[str, ...] = ()  # of a table whose rows may be made one by one
+    key: tuple[str, ...] = ()
 
 
 def judge(name: str, check: Check, remade: Path, stored: Path) -> Comparison:
-    """Compare one file of the two folders; what cannot be compared does not agree.
+    """Compare one file of the two folders. A file that cannot be compared does not agree.
 
-    Of a table with a key, `remade` is the folder of the rows that were made, and has no manifest.
+    For a table with a key, `remade` is the folder with the rows that were made; it has no manifest.
     """
     kept = artefacts.stored(name, stored)
     made = remade / name if check.key else artefacts.stored(name, remade)
@@ -59,17 +73,19 @@ def judge(name: str, check: Check, remade: Path, stored: Path) -> Comparison:
 
 
 def near(pairs: dict[str, tuple], tolerances: dict[str, tuple[float, float]], share: float = 1.0):
-    """Hold numbers against each other: `pairs` has (remade, stored) arrays of each name.
+    """Compare numbers.
 
-    A tolerance (a, r) allows a plus r times the stored number; `share` says how many of all
-    numbers must keep it.
+    Args:
+        pairs: name to the arrays (remade, stored).
+        tolerances: name to (a, r): a difference of a plus r times the stored number is allowed.
+        share: the share of all numbers that must be within it.
     """
     kept, count, furthest, worst = 0, 0, 0.0, ""
     for name, both in pairs.items():
         made, was = (np.asarray(one, dtype=float).ravel() for one in both)
         room = tolerances[name][0] + tolerances[name][1] * np.abs(np.nan_to_num(was))
         off = np.where(np.isnan(made) & np.isnan(was), 0, np.abs(made - was))
-        off = np.where(np.isnan(off), np.inf, off)  # a number where the other has none
+        off = np.where(np.isnan(off), np.inf, off)  # NaN in only one of them
         kept, count = kept + int((off <= room).sum()), count + off.size
         excess = off / np.maximum(room, 1e-12)
         if off.size and excess.max() > furthest:
@@ -90,9 +106,12 @@ def _shapes(arrays: dict[str, np.ndarray]) -> dict[str, tuple]:
 
 
 def table(key: Iterable[str], within: dict[str, tuple[float, float]], share: float = 0.95) -> Check:
-    """A CSV table: rows with the same `key`, the mean over the seeds that both tables have.
+    """A CSV table: compares means over the seeds that both tables have, row by row.
 
-    `within` gives tolerances by a regular expression of the column's name.
+    Args:
+        key: columns that name a row.
+        within: tolerances, by a regular expression for column names.
+        share: the share of all numbers that must be within it.
     """
     key = tuple(key)
 
@@ -128,7 +147,7 @@ def _room(absolute: float, relative: float) -> str:
 
 
 def arrays(within: dict[str, float], share: float = 0.99) -> Check:
-    """An npz file: that share of each named array within a tolerance, all others equal."""
+    """An npz file: `share` of each named array must be within a tolerance, and all others equal."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (_arrays(folder / name) for folder in (remade, stored))
@@ -145,7 +164,7 @@ def arrays(within: dict[str, float], share: float = 0.99) -> Check:
 
 
 def texts(key: Iterable[str], column: str, share: float) -> Check:
-    """A CSV table of texts: how many are the same in the rows with the same `key`."""
+    """A CSV table of texts: `share` of the texts in `column` must be the same."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (
@@ -170,7 +189,10 @@ def _strips(name: str, remade: Path, stored: Path) -> Comparison:
 
 
 def episodes(share: float) -> Check:
-    """Stored episodes of the closed loop: the same sentences, and how many end as they did."""
+    """Stored episodes of the closed loop.
+
+    The sentences must be the same, and `share` of the episodes must succeed or fail as before.
+    """
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         made, was = (kept_episodes.load(folder / name) for folder in (remade, stored))
@@ -186,7 +208,7 @@ def episodes(share: float) -> Check:
 
 
 def pictures(levels: float) -> Check:
-    """A zip of pictures: the same names, each on average within so many of 255 levels."""
+    """A zip of pictures: the same names, and 99 % of them on average within `levels` of 255."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         with zipfile.ZipFile(remade / name) as made, zipfile.ZipFile(stored / name) as was:
@@ -203,18 +225,20 @@ def _pixels(file: zipfile.ZipFile, name: str) -> np.ndarray:
 
 
 def reconstruction(worse: float) -> Check:
-    """An encoder: how far what it draws of the stored first frames is from them, one-sided."""
+    """An encoder: its error on the stored first frames may be at most `worse` (a share) larger."""
 
     def compare(name: str, remade: Path, stored: Path) -> Comparison:
         from ptae_lite.data import frames
 
         keys = [key for key in frames.stored_keys() if key[2] == 0][::4]
-        images = vision.as_input(frames.images(keys))
+        images = vision.as_input(frames.images(keys)).split(9)  # drawn at once, they take 250 MB
+        errors = []
         with torch.no_grad():
-            made, was = (
-                float((vision.load_autoencoder(folder / name)(images) - images).abs().mean())
-                for folder in (remade, stored)
-            )
+            for folder in (remade, stored):
+                encoder = vision.load_autoencoder(folder / name)
+                off = [(encoder(some) - some).abs().mean(dim=(1, 2, 3)) for some in images]
+                errors.append(float(torch.cat(off).mean()))
+        made, was = errors
         return Comparison(made <= was * (1 + worse), f"error of a pixel {made:.4f} for {was:.4f}")
 
     return Check(f"draws first frames at most {worse:.0%} worse", compare)
@@ -229,7 +253,7 @@ def _probe(name: str, remade: Path, stored: Path) -> Comparison:
 
 
 def _scores(name: str, remade: Path, stored: Path) -> Comparison:
-    """Each model on the features of its own folder's encoder."""
+    """A model's scores, each on the features of its own folder."""
     made, was = (
         evaluate(checkpoint.load(folder / name), load_stored(folder)) for folder in (remade, stored)
     )

@@ -1,4 +1,4 @@
-"""Hashes that say which version of the project something was made with."""
+"""Hashes that tell which version of the project made something."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 from ptae_lite.artefacts import ROOT
-from ptae_lite.book.chapters import chapter_files
+from ptae_lite.book.chapters import notebook_files
 
 SOURCE = Path(__file__).resolve().parents[1]
 ASIDE = (
@@ -30,7 +30,7 @@ PACKAGES = (
 
 
 def of_files(paths, below: Path) -> str:
-    """One hash of many text files: their names and contents, whatever ends their lines."""
+    """One hash of the names and contents of text files. Line ends do not matter."""
     digest = hashlib.sha256()
     for path in sorted(paths):
         content = path.read_bytes().replace(b"\r\n", b"\n")
@@ -39,22 +39,26 @@ def of_files(paths, below: Path) -> str:
 
 
 def library() -> str:
-    """Of the modules that results depend on."""
+    """Hash of the modules on which results depend."""
     paths = SOURCE.rglob("*.py")
     return of_files([p for p in paths if p.relative_to(SOURCE).parts[0] not in ASIDE], SOURCE)
 
 
 def chapters(book: Path = ROOT / "book") -> dict[str, str]:
-    """Of each chapter's source."""
-    return {path.stem: of_files([path], book) for path in chapter_files(book)}
+    """Hash of the source of each chapter and each page in depth."""
+    return {
+        path.relative_to(book).with_suffix("").as_posix(): of_files([path], book)
+        for path in notebook_files(book)
+    }
 
 
 def environment(root: Path = ROOT) -> str:
+    """Hash of `environment.txt`."""
     return of_files([root / "environment.txt"], root)
 
 
 def versions() -> dict[str, str]:
-    """Of Python and of the packages that numbers can depend on."""
+    """Versions of Python and of the packages on which numbers can depend."""
     found = {"python": platform.python_version(), "system": platform.system(),
              "machine": platform.machine()}  # fmt: skip
     for package in PACKAGES:

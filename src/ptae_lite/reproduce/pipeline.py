@@ -1,7 +1,7 @@
-"""Make everything anew, from the recording to the book: `python3 run.py full`.
+"""Make everything again, from the recording to the book: `python3 run.py full`.
 
-The stages are done in order in a folder of their own (`rerun`). At the end each file is compared
-with the stored one (`checks`), and `report.md` says what agreed.
+The stages are done in order, in a folder of their own (`rerun`). At the end each file is compared
+with the stored one (`checks`), and `report.md` says which agree.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from ptae_lite.reproduce.view import duration
 
 
 def parser() -> argparse.ArgumentParser:
+    """The parser of `run.py full`."""
     made = argparse.ArgumentParser(prog="run.py full", description=__doc__.split(":")[0] + ".")
     made.add_argument(
         "--out", type=as_called, default=artefacts.ROOT / "build" / "full",
@@ -34,6 +35,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments=None, stages: tuple[Stage, ...] = STAGES) -> int:
+    """Run the command; returns its exit code."""
     options = parser().parse_args(arguments)
 
     def work() -> int:
@@ -56,6 +58,7 @@ def main(arguments=None, stages: tuple[Stage, ...] = STAGES) -> int:
 
 
 def show_plan(rerun: Rerun) -> int:
+    """Print what would be done, and the time it would take."""
     left = 0.0
     for stage, state in rerun.plan():
         minutes = stage.estimate(rerun.settings.seeds)

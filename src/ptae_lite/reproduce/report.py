@@ -1,4 +1,4 @@
-"""What of a re-run agreed with the stored files: a table, and one line to end with."""
+"""The report of a re-run: which files agree with the stored ones, and a line that sums it up."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TAKEN, NEW, MISSING = "not re-made", "new", "NOT MADE"
 
 
 class Row(NamedTuple):
-    """One stored file: its verdict, what was found, and the tolerance it was held to."""
+    """One stored file: the verdict, what was found, and the tolerance."""
 
     file: str
     verdict: str
@@ -54,7 +54,7 @@ def rows(rerun: Rerun) -> list[Row]:
 
 
 def write(rerun: Rerun, failed: Stage | None = None) -> int:
-    """Write `report.md` and `report.json`, print the end of it; 0 where nothing disagrees."""
+    """Write `report.md` and `report.json`, and print a summary; returns 0 if all files agree."""
     found, out = rows(rerun), rerun.settings.out
     minutes = sum(entry["minutes"] for entry in rerun.state["done"].values())
     counts = Counter(row.verdict for row in found)

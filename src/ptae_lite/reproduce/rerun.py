@@ -1,9 +1,9 @@
-"""A full re-run as a folder: what is finished in it, and how to go on.
+"""The folder of a full re-run: what is finished in it, and how to go on.
 
-A re-run lives in a folder of its own, with its own `data/` that the later stages and the book read.
-Where it makes some rows of a table only, its `data/` has the stored ones for the rest.
-What is finished stands in `rerun.json` with the hash of every file, so a run that was stopped at
-any point goes on where it was, and nothing finished is done twice.
+A re-run has its own folder with its own `data/`, which its later stages and its book read. If it
+makes only some rows of a table, its `data/` has the stored rows for the rest. `rerun.json` lists
+what is finished, with the hash of every file. So a run that was stopped at any point goes on from
+there, and nothing is done twice.
 """
 
 from __future__ import annotations
@@ -16,24 +16,32 @@ import sys
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, progress
 from ptae_lite.errors import PTAEError
 from ptae_lite.experiments import tables
 from ptae_lite.files import atomic_write
 from ptae_lite.reproduce.fingerprints import library
 from ptae_lite.reproduce.stages import STAGES, Stage
-from ptae_lite.reproduce.view import View, share_in
+from ptae_lite.reproduce.view import View
 
 FORMAT = "ptae-lite re-run 1"
-TAIL = 8  # lines shown of what a failed command said
+TAIL = 8  # last lines of a failed command's log that are shown
 TAKEN = "taken from data/"
-PATIENCE_S = 5  # for a command to end after Ctrl-C
+PATIENCE_S = 5  # time that a command has to end after Ctrl-C
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the commands of a re-run have in common."""
+    """What the commands of a re-run have in common.
+
+    Attributes:
+        out: the folder of the re-run.
+        seeds: number of trainings of each kind.
+        device: where CAEs are trained.
+        stored: the folder of stored files.
+    """
 
     out: Path
     seeds: int = 3
@@ -46,10 +54,11 @@ class Settings:
         return self.out / "data"
 
     def command(self, stage: Stage) -> list[str]:
+        """The words of a stage's command, after `python -m`."""
         return stage.arguments(out=self.out, seeds=range(self.seeds), device=self.device)
 
     def written(self, stage: Stage) -> str:
-        """The command as a reader of the project's folder would type it."""
+        """The command as a reader in the project's folder would type it."""
         out = self.out.relative_to(artefacts.ROOT) if self._at_home() else Path(self.out.name)
         words = stage.arguments(out=out.as_posix(), seeds=range(self.seeds), device=self.device)
         return "python -m " + " ".join(words)
@@ -59,7 +68,15 @@ class Settings:
 
 
 class Rerun:
-    """A re-run's folder: what is finished in it, and how to go on."""
+    """The folder of a re-run.
+
+    Args:
+        stages: the stages, in order.
+        simulator: whether PyBullet is there; None to look.
+
+    Raises:
+        PTAEError: the folder holds something else, or is of another version of the library.
+    """
 
     taken = TAKEN
 
@@ -69,7 +86,7 @@ class Rerun:
         self.state = self._open()
 
     def _open(self) -> dict:
-        """What `rerun.json` says; refuses another folder, or one of another version of the code."""
+        """What `rerun.json` says. Refuses a folder of something else, or of another version."""
         out, mine = self.settings.out, library()
         path = out / "rerun.json"
         if not path.exists():
@@ -91,7 +108,7 @@ class Rerun:
         return state
 
     def finished(self, stage: Stage) -> bool:
-        """Whether a stage's command was done to its end and its files are still the same."""
+        """Whether a stage's command has ended and its files are unchanged."""
         entry = self.state["done"].get(stage.name)
         if entry is None or entry["command"] not in (self.settings.written(stage), TAKEN):
             return False
@@ -102,15 +119,15 @@ class Rerun:
             return False
 
     def _files(self, stage: Stage) -> list[str]:
-        """What a stage leaves in the run's folder, and what stands for it in the run's data."""
-        own = [name for name, check in stage.makes.items() if check.key]  # as it is judged
+        """The files that a stage leaves in the run's folder and in the run's data."""
+        own = [name for name, check in stage.makes.items() if check.key]  # the checks read these
         return [*stage.leaves, *own, *(f"data/{name}" for name in stage.makes)]
 
     def _hashes(self, files) -> dict[str, str]:
         return {name: _sha256(self.settings.out / name) for name in files}
 
     def plan(self) -> list[tuple[Stage, str]]:
-        """Each stage, and whether it is done, left to do, or taken from data/."""
+        """Each stage, and whether it is done, to do, or taken from data/."""
         return [
             (stage, "done" if self.finished(stage) else TAKEN if self._lacks(stage) else "to do")
             for stage in self.stages
@@ -120,8 +137,8 @@ class Rerun:
         return stage.simulator and not self.simulator
 
     def go(self, stream=None) -> Stage | None:
-        """Do all that is not finished; the stage whose command failed, or None."""
-        self._write()  # whatever stops the first stage, the folder is known as a re-run's
+        """Do all stages that are not finished; returns the stage that failed, or None."""
+        self._write()  # so the folder is known as a re-run's, even if the first stage is stopped
         done = [i for i, stage in enumerate(self.stages) if self.finished(stage)]
         spent = {i: self.state["done"][self.stages[i].name]["minutes"] for i in done}
         estimates = [
@@ -142,28 +159,31 @@ class Rerun:
         return None
 
     def _run(self, stage: Stage, view: View) -> int:
-        """Run a stage's command, its messages into a log and its progress into the view.
+        """Run a stage's command, with its output in a log and its progress in the view.
 
-        What it says comes through a pipe: if this process is killed, the command ends at the
-        next thing it wants to say.
+        The output comes through a pipe. If this process is killed, the command ends when it next
+        writes.
         """
         out = self.settings.out
         (out / "logs").mkdir(parents=True, exist_ok=True)
         env = os.environ | {"PTAE_DATA": str(self.settings.data), "PYTHONUTF8": "1"}
-        env |= {"PYTHONUNBUFFERED": "1"}  # what was said before a kill is in the log
+        env |= {"PYTHONUNBUFFERED": "1"}  # so that nothing is missing in the log after a kill
         env.setdefault("OMP_NUM_THREADS", "1")
         command = [sys.executable, "-m", *self.settings.command(stage)]
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
         with (
             open(out / "logs" / f"{stage.name}.log", "wb") as log,
-            subprocess.Popen(command, cwd=artefacts.ROOT, env=env, **pipes) as process,
+            TemporaryDirectory() as folder,
+            subprocess.Popen(
+                command, cwd=artefacts.ROOT, env=env | {progress.FILE: f"{folder}/share"}, **pipes
+            ) as process,
         ):
             try:
                 while said := process.stdout.read1(65536):
                     log.write(said)
-                    view.tick(share_in(said))
+                    view.tick(progress.share_in(folder))
                 return process.wait()
-            except KeyboardInterrupt:  # reaches the command as well, which ends by itself
+            except KeyboardInterrupt:  # the command gets it, too, and ends by itself
                 try:
                     process.wait(PATIENCE_S)
                 except subprocess.TimeoutExpired:
@@ -171,7 +191,7 @@ class Rerun:
                 raise
 
     def _keep(self, stage: Stage, minutes: float) -> None:
-        """Put what a command left into the run's data, and write down that it is finished."""
+        """Put the files of a command into the run's data, and write down that it is finished."""
         command = self.settings.written(stage)
         for name, check in stage.makes.items():
             made = self.settings.out / stage.lies.get(name, name)
@@ -179,7 +199,7 @@ class Rerun:
             kept.parent.mkdir(parents=True, exist_ok=True)
             stored = self.settings.stored / name
             with atomic_write(kept) as temporary:
-                if check.key and stored.exists():  # chapters ask for rows that a re-run lacks
+                if check.key and stored.exists():  # chapters need rows that a re-run does not make
                     both = (tables.read(path, list(check.key)) for path in (made, stored))
                     tables.completed(*both, list(check.key)).to_csv(
                         temporary, index=False, lineterminator="\n"
@@ -191,7 +211,7 @@ class Rerun:
         self._finish(stage, command, minutes, self._files(stage))
 
     def _take(self, stage: Stage) -> None:
-        """Without a simulator, what needs one comes from the stored files, and is called so."""
+        """Without a simulator: copy the stage's files from the stored ones, marked as taken."""
         there = artefacts.manifest(self.settings.stored)
         taken = [name for name in stage.makes if name in there]
         for name in taken:
@@ -209,6 +229,7 @@ class Rerun:
             temporary.write_text(json.dumps(self.state, indent=1) + "\n", encoding="utf-8")
 
     def last_words(self, stage: Stage) -> str:
+        """The last lines of a stage's log."""
         log = self.settings.out / "logs" / f"{stage.name}.log"
         text = log.read_text(encoding="utf-8", errors="replace").replace("\r", "\n")
         return "\n".join("    " + line for line in text.strip().splitlines()[-TAIL:])

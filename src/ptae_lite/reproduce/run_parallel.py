@@ -1,6 +1,6 @@
-"""Commands side by side: `python -m ptae_lite.reproduce.run_parallel MODULE ... + MODULE ...`.
+"""Run commands side by side: `python -m ptae_lite.reproduce.run_parallel MODULE ... + MODULE ...`.
 
-A study that ends in one long training leaves the other cores free for the next study.
+A study often ends with one long training. The next study then uses the other cores.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ import subprocess
 import sys
 from itertools import groupby
 
+from ptae_lite import progress
+
 
 def commands(words: list[str]) -> list[list[str]]:
     """The words of each command."""
@@ -16,8 +18,12 @@ def commands(words: list[str]) -> list[list[str]]:
 
 
 def main(arguments: list[str]) -> int:
-    """Run each command to its end; 0 if none failed."""
-    running = [subprocess.Popen([sys.executable, "-m", *words]) for words in commands(arguments)]
+    """Run each command to its end; returns 0 if none failed."""
+    asked = commands(arguments)
+    running = [
+        subprocess.Popen([sys.executable, "-m", *words], env=env)
+        for words, env in zip(asked, progress.environments(len(asked)), strict=True)
+    ]
     try:
         return int(any([process.wait() for process in running]))  # a list: all are waited for
     finally:

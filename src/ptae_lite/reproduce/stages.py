@@ -1,7 +1,7 @@
-"""What a full re-run does, in order: one entry a command, with the stored files that it makes.
+"""The stages of a full re-run, in order: one command each, with the stored files that it makes.
 
-To add a study, add its entry to `STAGES`: a name, the command, and of each file it leaves how it is
-held against the one in `data/`.
+To add a study, add an entry to `STAGES`: a name, the command, and for each file how it is compared
+with the one in `data/`.
 """
 
 from __future__ import annotations
@@ -33,23 +33,34 @@ from ptae_lite.reproduce.checks import (
 
 
 class Stage(NamedTuple):
-    """One command of a re-run."""
+    """One command of a re-run.
+
+    Args:
+        command: the words after `python -m`; {out}, {seeds} and {device} are filled in.
+        makes: files in the run's folder, with the same names as in `data/`, and how each is
+            compared.
+        minutes: its time on two free cores.
+        seed_minutes: further minutes for each seed.
+        simulator: it needs PyBullet, or images that only a recording has.
+        leaves: files in the run's folder that are not stored.
+        lies: where the command leaves a file (not a table) that has another name in `data/`.
+    """
 
     name: str
-    command: str  # after `python -m`; {out}, {seeds}, {device} are filled in
-    makes: dict[str, Check] = {}  # files below {out} and in data/ alike
-    minutes: float = 1.0  # on two free cores
-    seed_minutes: float = 0.0  # more for each seed
-    simulator: bool = False  # needs PyBullet, or images that only a recording has
-    leaves: tuple[str, ...] = ()  # files below {out} that are not stored
-    lies: dict[str, str] = {}  # where below {out} it leaves a file, but no table, of another name
+    command: str
+    makes: dict[str, Check] = {}
+    minutes: float = 1.0
+    seed_minutes: float = 0.0
+    simulator: bool = False
+    leaves: tuple[str, ...] = ()
+    lies: dict[str, str] = {}
 
     def estimate(self, seeds: int) -> float:
-        """Minutes that it takes with so many seeds."""
+        """Minutes that it takes with `seeds` seeds."""
         return self.minutes + self.seed_minutes * seeds
 
     def arguments(self, **values) -> list[str]:
-        """The command's words; `seeds` is a list, of which each is a word of its own."""
+        """The words of the command. `seeds` is a list; each of its items is a word."""
         words = []
         for word in self.command.split():
             fill = values["seeds"] if word == "{seeds}" else [word.format(**values)]
@@ -57,10 +68,10 @@ class Stage(NamedTuple):
         return words
 
 
-SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # one training differs from the next so much
+SCORED = {"accuracy": (10, 0), "nrmse": (0.3, 0.3)}  # how much one training differs from another
 ANSWERS = {"right": (0, 0)}
 SEEN = {"both|left|right": (15, 0), "_mm|error": (0, 0.3), "r2": (0.15, 0)}
-ENCODERS = {  # as long as the stored ones were trained; the study goes further with the plain
+ENCODERS = {  # trained as long as the stored ones; the study trains the plain one further
     "weights/cae.safetensors": "encoders/separated_3x10_seed0/encoder_128000.safetensors",
     "weights/plain_cae.safetensors": "encoders/plain_10_seed0/encoder_128000.safetensors",
 }
@@ -85,7 +96,7 @@ STAGES = (
           {"results/encoders_in_use.csv": table(encoders_in_use.KEY, SCORED, 0.9)},
           0, 11, simulator=True),
     Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
-          "--out {out}/results", {  # its PTAE is that of the studies below
+          "--out {out}/results", {  # the stages below use its PTAE
         "results/family.csv": table(family.KEY, SCORED, 0.9),
         "results/family_curves.csv": table([*family.KEY, "epoch"], {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES},

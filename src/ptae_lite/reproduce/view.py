@@ -1,33 +1,26 @@
-"""One progress view of a long run: which stage, how far, and about how much time is left."""
+"""The progress of a long run: which stage, how far, and about how much time is left."""
 
 from __future__ import annotations
 
-import re
 import sys
 import time
 
-PERCENT = re.compile(rb"(\d{1,3})%[|\]]")  # as a bar of tqdm says it, and Sphinx
-QUIET_S = 600  # between two lines where they cannot be written over, as in a log file
-
-
-def share_in(said: bytes) -> float | None:
-    """How far the last progress bar in `said` is, from 0 to 1; None without one."""
-    found = PERCENT.findall(said)
-    return int(found[-1]) / 100 if found else None
+QUIET_S = 600  # between two lines in a log file, where a line cannot be overwritten
 
 
 def duration(minutes: float) -> str:
-    """Minutes as a reader says them."""
+    """Minutes as text, such as `5 min` or `2 h 05 min`."""
     whole = max(round(minutes), 1)
     return f"{whole} min" if whole < 60 else f"{whole // 60} h {whole % 60:02d} min"
 
 
 class View:
-    """Shows where a run is, on one line that is written over, or in a few lines of a log.
+    """Shows the progress of a run, on one line that is overwritten, or in a few lines of a log.
 
     Args:
-        estimates: minutes of every stage, in order, as planned.
-        spent: minutes that stages before took, by their place: how fast this machine is.
+        estimates: planned minutes of every stage, in order.
+        spent: minutes that earlier stages took, by their number. They show how fast this machine
+            is.
     """
 
     def __init__(
@@ -38,32 +31,34 @@ class View:
         self.at, self.begun, self.share, self.shown = 0, clock(), 0.0, -QUIET_S
 
     def begin(self, at: int) -> None:
+        """Stage number `at` begins."""
         self.at, self.begun, self.share, self.shown = at, self.clock(), 0.0, -QUIET_S
         self.show()
 
     def done(self) -> float:
-        """The stage that was begun is over; the minutes it took."""
+        """The stage has ended; returns its minutes."""
         self.spent[self.at] = minutes = (self.clock() - self.begun) / 60
         self._write(f"{self._place()} done in {duration(minutes)}", last=True)
         return minutes
 
     def tick(self, share: float | None) -> None:
-        """How far the stage is, from 0 to 1, or None where nothing new is known."""
+        """Set how far the stage is, from 0 to 1; None if nothing new is known."""
         self.share = self.share if share is None else share
         self.show()
 
     def minutes_left(self) -> float:
-        """Of the whole run: as planned, but at the speed that this machine has shown."""
+        """Minutes left for the whole run, by the plan and by the speed of this machine so far."""
         planned = sum(self.estimates[i] for i in self.spent)
         speed = sum(self.spent.values()) / planned if planned > 2 else 1.0
         gone = (self.clock() - self.begun) / 60
         mine = max(self.estimates[self.at] * speed - gone, 0)
-        if self.share > 0.05:  # the stage itself knows better
+        if self.share > 0.05:  # the stage's own progress is a better estimate
             mine = gone * (1 - self.share) / self.share
         later = range(self.at + 1, len(self.names))
         return mine + speed * sum(self.estimates[i] for i in later if i not in self.spent)
 
     def show(self) -> None:
+        """Write the line."""
         if not self.stream.isatty() and self.clock() - self.shown < QUIET_S:
             return
         self.shown = self.clock()

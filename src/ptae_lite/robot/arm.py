@@ -1,10 +1,11 @@
 """NICO's upper body as numbers: joints, shapes and forward kinematics.
 
-The measures are those of the robot's published description (NICO-software, `complete.urdf`),
-rounded to a millimetre; the small fixed rotations (up to 3.2 degrees) are left out. Everything
-drawn is a primitive shape of our own.
+The sizes are those of the robot's published description (NICO-software, `complete.urdf`), rounded
+to a millimetre. Its small fixed rotations (up to 3.2 degrees) are left out. The shapes that we draw
+are simple ones of our own: boxes, cylinders and spheres.
 
-The frame is the robot's: x forward, y to its left, z up, in metres, origin on the floor under it.
+Coordinates are the robot's, in metres: x forward, y to its left, z up. The origin is on the floor
+below the robot.
 """
 
 from __future__ import annotations
@@ -23,10 +24,15 @@ NARROW = "kinematics.urdf"  # the narrower limits that NICO's own inverse kinema
 
 @dataclass(frozen=True)
 class Joint:
-    """A revolute joint: where it sits in its parent's frame, its axis, its limits."""
+    """A revolute joint: its place in the frame of its parent link, its axis and its limits.
+
+    Attributes:
+        link: the link that the joint moves.
+        limits_from: the file of NICO's software that has these limits.
+    """
 
     name: str
-    link: str  # the link that it moves
+    link: str
     origin_m: tuple[float, float, float]
     axis: tuple[int, int, int]
     lower_rad: float
@@ -47,7 +53,7 @@ JOINT_NAMES = tuple(joint.name for joint in JOINTS)
 LOWER_RAD = np.array([joint.lower_rad for joint in JOINTS])
 UPPER_RAD = np.array([joint.upper_rad for joint in JOINTS])
 
-# The sixth joint, wrist_x, is held bent all the way: then the hand can point straight down.
+# The sixth joint, wrist_x, is held at its limit, so that the hand can point straight down.
 WRIST_X_ORIGIN_M = (0.0, 0.0, -0.071)
 WRIST_X_RAD = -0.873
 FINGERTIP_M = 0.085  # from wrist_x to the fingertips
@@ -57,17 +63,24 @@ HEAD_ORIGIN_M = (0.001, 0.0, 0.8305)
 HEAD_YAW_RAD, HEAD_PITCH_RAD = 0.28, 0.78  # to the left, and down at the table
 RIGHT_EYE_M = (0.085, -0.033, 0.100)  # in the head's frame; ours: no source gives the eye's place
 
-# One pose at the start and the end of every sequence. It solves the inverse kinematics for a
-# hand at (0.33, 0.23, 0.65) m, beside the cubes and in view.
+# Every sequence starts and ends in the same pose, so the pose does not give away the action. The
+# hand is then at this point, beside the cubes and in view.
 HOME_TIP_M = (0.33, 0.23, 0.65)
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A primitive fixed to a link.
+    """A simple shape, fixed to a link.
 
-    `size` in metres: a box's edges (x, y, z), a cylinder's (radius, length) along z, a sphere's
-    (radius,). `solid` shapes can touch the cubes.
+    Attributes:
+        kind: `box`, `cylinder` or `sphere`.
+        size: in metres: the edges (x, y, z) of a box, the radius and the length along z of a
+            cylinder, the radius of a sphere.
+        xyz: place of the shape's centre in the link's frame, in metres.
+        rpy: rotation about x, y and z, in radians.
+        rgba: colour and opacity, 0 to 1.
+        solid: whether the shape can touch the cubes.
+        drawn: whether the shape is visible.
     """
 
     link: str
@@ -108,8 +121,8 @@ SHAPES = (
     Shape("hand", "box", (0.052, 0.026, 0.050), (0.0, 0.0, -0.022), rgba=_GREY),
     _finger(-0.018, 0.0), _finger(0.001, 0.0), _finger(0.019, 0.0),
     Shape("hand", "box", (0.013, 0.030, 0.013), (0.0, 0.024, -0.034), rgba=_GREY),
-    # What touches is a capsule: a box-shaped hand twists the cubes, because five joints leave
-    # the hand's yaw free.
+    # The hand touches the cubes with a capsule. A box would twist them: five joints cannot also
+    # set the hand's yaw.
     Shape("hand", "cylinder", (HAND_RADIUS_M, FINGERTIP_M - HAND_RADIUS_M),
           (0.0, 0.0, -(FINGERTIP_M - HAND_RADIUS_M) / 2), solid=True, drawn=False),
     Shape("hand", "sphere", (HAND_RADIUS_M,), (0.0, 0.0, -(FINGERTIP_M - HAND_RADIUS_M)),
@@ -118,7 +131,12 @@ SHAPES = (
 
 
 def rotation(axis, angle_rad) -> Float[np.ndarray, "T 3 3"]:
-    """Rotation matrices about a unit axis by T angles (Rodrigues' formula)."""
+    """Rotation matrices about a unit axis (x, y, z) by T angles, by Rodrigues' formula:
+
+    ::
+
+        R = I + sin(angle) C + (1 - cos(angle)) C C,    C v = axis x v
+    """
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], dtype=float)
     angle_rad = np.asarray(angle_rad, dtype=float)[:, None, None]
@@ -134,15 +152,18 @@ def _transform(rotations, origin_m) -> Float[np.ndarray, "T 4 4"]:
 
 
 def head_transform() -> Float[np.ndarray, "4 4"]:
-    """Pose of the head, which looks at the table throughout."""
+    """Pose of the head in the world. The head looks at the table and never moves."""
     turned = rotation((0, 0, 1), [HEAD_YAW_RAD]) @ rotation((0, 1, 0), [HEAD_PITCH_RAD])
     return _transform(turned, HEAD_ORIGIN_M)[0]
 
 
 def link_transforms(joints_rad: Float[np.ndarray, "T 5"]) -> dict[str, np.ndarray]:
-    """Forward kinematics: world transforms (T, 4, 4) of every link, `torso` to `hand`.
+    """Forward kinematics: the world transform (T, 4, 4) of each link, from `torso` to `hand`.
 
-    Each joint adds `T_parent @ [R(axis, q), origin]`; that product down the chain is all there is.
+    Each joint multiplies its parent's transform: `T_link = T_parent @ [R(axis, q), origin]`.
+
+    Raises:
+        RobotError: `joints_rad` is not an array (T, 5).
     """
     joints_rad = check_shape(joints_rad)
     frames = len(joints_rad)
@@ -165,6 +186,11 @@ def fingertip(joints_rad: Float[np.ndarray, "T 5"]) -> Float[np.ndarray, "T 3"]:
 
 
 def check_shape(joints_rad) -> Float[np.ndarray, "T 5"]:
+    """The joints as an array of floats.
+
+    Raises:
+        RobotError: the array is not (T, 5).
+    """
     joints_rad = np.asarray(joints_rad, dtype=float)
     if joints_rad.ndim != 2 or joints_rad.shape[1] != len(JOINTS):
         raise RobotError(
@@ -175,9 +201,13 @@ def check_shape(joints_rad) -> Float[np.ndarray, "T 5"]:
 
 
 def check_limits(joints_rad: Float[np.ndarray, "T 5"]) -> None:
-    """Raise `RobotError` naming the first joint outside its limits, and where."""
+    """Check that every joint is inside its limits in every frame.
+
+    Raises:
+        RobotError: a joint is outside, or is not a number. The message names the first one.
+    """
     joints_rad = check_shape(joints_rad)
-    # what is no number is outside, too
+    # "not inside" rather than "outside": a NaN must be found, too
     outside = ~((joints_rad >= LOWER_RAD - 1e-9) & (joints_rad <= UPPER_RAD + 1e-9))
     if outside.any():
         frame, j = np.argwhere(outside)[0]

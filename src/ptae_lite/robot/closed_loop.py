@@ -1,11 +1,11 @@
-"""Acting in the simulated scene, frame by frame, and whether the cube went where it was to go.
+"""Acting in the simulated scene frame by frame, and judging whether the task was done.
 
-Whoever acts may look through the camera, gets the measured joints, and answers with the joints to
-go to. The motors do it through physics, cubes move when touched, and the next look shows what came
-of it.
+A policy may look through the camera. It is given the measured joints and answers with the next
+target of the joints. The motors drive the arm there through physics, the arm moves the cubes that
+it touches, and the next image shows the result.
 
-Nobody says how long to act. An episode ends when the arm has been away and has come to rest at home
-again, or after `LIMIT` frames.
+The policy is not told how long to act. An episode ends when the arm has left home, has come back
+and has rested there, or after `LIMIT` frames.
 """
 
 from __future__ import annotations
@@ -32,28 +32,49 @@ Act = Callable[[Look, np.ndarray], np.ndarray]
 
 
 class Setting(NamedTuple):
-    """A scene to act in."""
+    """A scene to act in.
 
-    colours: tuple[str, str]  # of the left and the right cube
-    places_m: np.ndarray = np.array(NOMINAL_PLACES_M)  # (2, 2) x and y
+    Args:
+        colours: of the left and the right cube.
+        places_m: (2, 2) x and y of the two cubes.
+        yaws_rad: (2,) rotation of the cubes about the vertical.
+    """
+
+    colours: tuple[str, str]
+    places_m: np.ndarray = np.array(NOMINAL_PLACES_M)
     yaws_rad: np.ndarray = np.zeros(2)
 
 
 class Episode(NamedTuple):
-    """What happened, T frames; the first is the scene as it was found."""
+    """What happened in T frames. Frame 0 is the scene before the first action.
+
+    Args:
+        joints_rad: measured joints.
+        cubes: poses of the left and the right cube: position in metres, quaternion x y z w.
+        stopped: why it ended: `home` (the arm came back), `limit` (too many frames) or `joint` (a
+            target was outside a joint's limits).
+    """
 
     joints_rad: Float[np.ndarray, "T 5"]
     cubes: Float[np.ndarray, "T 2 7"]
-    stopped: str  # `home`, `limit` (too long) or `joint` (it wanted past a joint's limit)
+    stopped: str
 
 
 class Verdict(NamedTuple):
-    """Was the sentence carried out? The right cube, way, distance and time make a success."""
+    """Whether the arm did what the sentence said.
+
+    Args:
+        success: the right cube went the right way, far enough, at the right speed.
+        reason: `done`, or the first thing that went wrong.
+        named_mm: how far the named cube moved in the commanded direction.
+        other_mm: how far the other cube moved in any direction.
+        frames: length of the episode.
+    """
 
     success: bool
-    reason: str  # `done`, or the first thing that went wrong
-    named_mm: float  # how far the named cube went in the commanded direction
-    other_mm: float  # how far the other one went, anywhere
+    reason: str
+    named_mm: float
+    other_mm: float
     frames: int
 
 
@@ -64,9 +85,13 @@ def stage_of(pattern, variation: int) -> Setting:
 
 
 def perform(stage: Setting, act: Act, limit: int | None = None) -> Episode:
-    """Let `act(look, joints_rad)` move the arm in a fresh scene until it is done.
+    """Run an episode: `act(look, joints_rad)` moves the arm in a fresh scene.
 
-    An image takes most of a frame's time to compute, so it is made only for one who looks.
+    Args:
+        act: a policy. It is called once a frame with `look`, which makes the camera's image, and
+            the measured joints (5,). It returns the next target of the joints (5,), in radians. An
+            image takes most of a frame's time, so it is made only if `look` is called.
+        limit: the largest number of frames; `LIMIT` if None.
     """
     joints, cubes, stopped, rest, left = [], [], "limit", 0, False
     limit = limit or LIMIT
@@ -92,17 +117,18 @@ def perform(stage: Setting, act: Act, limit: int | None = None) -> Episode:
 
 
 def replay(joints_rad: Float[np.ndarray, "T 5"]) -> Act:
-    """Acts out recorded joints and looks at nothing; then it stays where it is."""
+    """A policy that follows recorded joints and never looks. At the end it holds the last pose."""
     rows = iter(joints_rad[1:])
     last = joints_rad[-1]
     return lambda look, joints_rad: next(rows, last)
 
 
 def judge(episode: Episode, action: str, side: str, speed: str) -> Verdict:
-    """Hold an episode against what was asked for; positions are those at its end.
+    """Judge an episode by the command.
 
-    The reason is the first that holds of those below. A cube that falls off the table goes far, so
-    it needs one of its own.
+    Moved distances are those between the first and the last frame. The reason is the first that
+    applies, in the order of the list in the code. A cube that falls off the table has moved far
+    enough, so this has a reason of its own.
     """
     moved_mm = 1000 * (episode.cubes[-1, :, :2] - episode.cubes[0, :, :2])
     named = SIDES.index(side)

@@ -1,14 +1,16 @@
-"""Inverse kinematics: joint angles that bring the fingertips to given points.
+"""Inverse kinematics: the joint angles that bring the fingertips to given points.
 
-Five joints reach a point (three numbers) with two to spare. The spare ones make the hand point
-down and stay near a resting posture. For all frames of a motion at once we solve, step by step,
+A point is three numbers and the arm has five joints, so two are free. We use them to point the hand
+down and to stay near a resting posture. For each frame we solve
 
 ::
 
     minimise   |d(q) - down|^2  +  w^2 |q - rest|^2     subject to   tip(q) = target,
 
-linearising `d` (the hand's direction) and `tip` at the current angles (Gauss-Newton). Because the
-optimum does not depend on the frame before, a smooth path of targets gives a smooth path of joints.
+where `q` are the joint angles, `d` is the direction of the hand and `tip` the place of the
+fingertips. We replace `d` and `tip` by their linear approximation at the current angles, solve, and
+repeat (Gauss-Newton). All frames are solved at once. The solution of a frame does not depend on
+the frame before it, so a smooth path of targets gives a smooth path of joints.
 """
 
 from __future__ import annotations
@@ -30,7 +32,10 @@ TOLERANCE_M = 1e-4
 
 
 def _jacobians(joints_rad):
-    """Fingertip, hand direction and their derivatives by each joint: (T,3), (T,3), (T,3,5) x 2."""
+    """Fingertip, hand direction, and their derivatives by the joints.
+
+    Returns arrays (T, 3), (T, 3), (T, 3, 5) and (T, 3, 5).
+    """
     links = arm.link_transforms(joints_rad)
     hand = links["hand"]
     down = -hand[:, :3, 2]
@@ -46,16 +51,20 @@ def _jacobians(joints_rad):
 
 
 def solve(targets_m: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 5"]:
-    """Joint angles (T, 5) in radians whose fingertips are at `targets_m`, within the limits.
+    """Joint angles in radians, within the limits, that bring the fingertips to `targets_m`.
 
-    Raises `RobotError` for a point that the arm cannot reach.
+    Args:
+        targets_m: T points in metres.
+
+    Raises:
+        RobotError: the array is not (T, 3), or the arm cannot reach a point to 0.1 mm.
     """
     targets_m = np.asarray(targets_m, dtype=float)
     if targets_m.ndim != 2 or targets_m.shape[1] != 3:
         raise RobotError(f"targets are an array of frames x 3 metres, not {targets_m.shape}")
     frames, joints = len(targets_m), len(arm.JOINTS)
     q = np.tile(REST_RAD, (frames, 1))
-    free = np.ones_like(q)  # 0 for a joint that rests at its limit: the others must do it
+    free = np.ones_like(q)  # 0 for a joint at its limit: the other joints must do the motion
     straight_down = np.array([0.0, 0.0, -1.0])
     for _ in range(STEPS):
         tip, down, of_tip, of_down = _jacobians(q)
@@ -93,7 +102,7 @@ def solve(targets_m: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 5"]:
 
 @cache
 def home_rad() -> Float[np.ndarray, " 5"]:
-    """The home pose, where every sequence starts and ends."""
+    """The home pose in radians. Every sequence starts and ends there."""
     home = solve(np.array([arm.HOME_TIP_M]))[0]
     home.setflags(write=False)
     return home

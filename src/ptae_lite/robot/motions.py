@@ -1,8 +1,9 @@
-"""Push, pull and slide as paths of the fingertips, each sample with its own variation.
+"""Push, pull and slide as paths of the fingertips, with a variation for each sample.
 
-A motion is a list of waypoints on a clock of 100 slow frames: from home to above the near, far or
-left side of the named cube, down beside it, along the stroke, off the cube, up, and home again.
-Between waypoints the hand eases in and out. A fast motion takes the same way in half the time.
+A motion is a list of waypoints with times: from home to a place above the near, far or left side of
+the named cube, down beside the cube, along the stroke, back off the cube, up, and home. The hand
+speeds up and slows down smoothly between two waypoints. A slow motion takes 100 frames. A fast one
+follows the same path in 50.
 """
 
 from __future__ import annotations
@@ -36,19 +37,33 @@ CLOCK_JITTER = 1.5
 
 @dataclass(frozen=True)
 class Variation:
-    """What is particular to one sample; all drawn from its own seed."""
+    """What is special to one sample. All of it is drawn from the sample's own seed.
 
-    places_m: np.ndarray  # (2, 2) x, y of the left and the right cube
-    yaws_rad: np.ndarray  # (2,)
+    Attributes:
+        places_m: (2, 2) x and y of the left and the right cube.
+        yaws_rad: (2,) rotation of the cubes about the vertical.
+        travel_m: how far the cube is to move.
+        aside_m: distance of the stroke from the middle of the cube.
+        low_m: height of the fingertips above the table during the stroke.
+        high_m: height of the fingertips above the table before and after it.
+        clock: (7,) slow frame at which each waypoint is reached.
+    """
+
+    places_m: np.ndarray
+    yaws_rad: np.ndarray
     travel_m: float
-    aside_m: float  # how far off the cube's middle the hand strokes
+    aside_m: float
     low_m: float
     high_m: float
-    clock: np.ndarray  # (7,) slow frames
+    clock: np.ndarray
 
 
 def sample_seed(pattern_index: int, variation: int) -> int:
-    """The seed of a sample: its place in the data set, so that any one can be made alone."""
+    """The seed of a sample, 0 to 863. It is the sample's place in the data set: `6 pattern +
+    variation`.
+
+    So any sample can be made alone.
+    """
     return VARIATIONS * pattern_index + variation
 
 
@@ -70,7 +85,7 @@ def draw(seed: int) -> Variation:
 
 
 def middle(places_m: Float[np.ndarray, "2 2"]) -> Variation:
-    """The variation for cubes in these places that is in the middle of all else."""
+    """The variation without any random part, for cubes in these places."""
     return Variation(
         places_m=np.asarray(places_m, dtype=float),
         yaws_rad=np.zeros(2),
@@ -83,12 +98,15 @@ def middle(places_m: Float[np.ndarray, "2 2"]) -> Variation:
 
 
 def ease(x):
-    """Quintic smoothstep from 0 to 1: it starts and ends with no speed and no acceleration."""
+    """Smooth step from 0 to 1, `x^3 (10 - 15 x + 6 x^2)`.
+
+    Its speed and its acceleration are 0 at both ends.
+    """
     return x**3 * (10 + x * (6 * x - 15))
 
 
 def fingertip_path(pattern: Pattern, variation: Variation) -> Float[np.ndarray, "T 3"]:
-    """Where the fingertips are to be at each frame, in metres."""
+    """Where the fingertips are to be in each frame, in metres."""
     cube = variation.places_m[("left", "right").index(pattern.side)]
     along = np.array(DIRECTION[pattern.action])
     aside = np.array([-along[1], along[0]]) * variation.aside_m
@@ -108,5 +126,9 @@ def fingertip_path(pattern: Pattern, variation: Variation) -> Float[np.ndarray, 
 
 
 def plan(pattern: Pattern, variation: Variation) -> Float[np.ndarray, "T 5"]:
-    """Joint angles (T, 5) in radians of the whole motion, home to home."""
+    """Joint angles in radians of the whole motion, from home to home.
+
+    Raises:
+        RobotError: the arm cannot reach a point of the path.
+    """
     return inverse.solve(fingertip_path(pattern, variation))

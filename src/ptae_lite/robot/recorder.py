@@ -1,13 +1,14 @@
-"""Records the data set: every sample acted out once in its own fresh simulation.
+"""Records the data set: each sample once, in its own fresh simulation.
 
 A recording is a folder::
 
-    recording.json          what it is, and with which scene it was made
+    recording.json          the format, and the fingerprint of the scene
     sequences/p012_v3.npz   one sample: images, joints, cube poses, contacts, seed
-    samples.npz             all samples without their images, written when the last is there
+    samples.npz             all samples without images, written when all sequences are there
 
-Image t, joints t and cubes t are one instant. A sequence is written beside its place and then
-moved, so a recording that is stopped has only whole sequences and goes on where it was.
+Image t, joints t and cubes t belong to the same instant. A sequence is written to a temporary file
+and then renamed. So a recording that was stopped holds whole sequences only, and a new start goes
+on with the missing ones.
 """
 
 from __future__ import annotations
@@ -34,17 +35,25 @@ IMAGE = (120, 160, 3)
 
 @dataclass(frozen=True)
 class Sequence:
-    """One recorded sample of T frames."""
+    """One recorded sample of T frames.
 
-    images: np.ndarray  # (T, 120, 160, 3) uint8
-    joints_rad: np.ndarray  # (T, 5) float32, measured
-    cubes: np.ndarray  # (T, 2, 7) float32: left and right; position in m, quaternion x y z w
-    touched: np.ndarray  # (T, 2) bool: did the arm touch the cube on the way to this frame
+    Attributes:
+        images: (T, 120, 160, 3) uint8.
+        joints_rad: (T, 5) float32, as measured.
+        cubes: (T, 2, 7) float32, left and right cube: position in metres, quaternion x y z w.
+        touched: (T, 2) bool: whether the arm touched the cube on the way to this frame.
+        seed: see `motions.sample_seed`.
+    """
+
+    images: np.ndarray
+    joints_rad: np.ndarray
+    cubes: np.ndarray
+    touched: np.ndarray
     seed: int
 
 
 def record_sequence(pattern: Pattern, variation: int) -> Sequence:
-    """Act out one sample and watch it. The same sample gives the same bytes on one machine."""
+    """Simulate one sample and record it. On one machine, the same sample gives the same bytes."""
     seed = motions.sample_seed(pattern.index, variation)
     drawn = motions.draw(seed)
     targets_rad = motions.plan(pattern, drawn)
@@ -67,7 +76,7 @@ def record_sequence(pattern: Pattern, variation: int) -> Sequence:
 
 
 def fingerprint() -> str:
-    """A short hash of what shapes a recording: the robot, the scene, and how each action moves."""
+    """A short hash of what a recording depends on: the robot, the scene and the motions."""
     digest = hashlib.sha256(urdf.nico_urdf().encode())
     things = (
         scene.TABLE_SHAPES, scene.COLOUR_RGBA, scene.LIGHT, scene.VERTICAL_VIEW_DEG,
@@ -81,22 +90,24 @@ def fingerprint() -> str:
 
 
 def sequence_path(folder: str | Path, pattern_index: int, variation: int) -> Path:
+    """Where the file of a sample is."""
     return Path(folder) / "sequences" / f"p{pattern_index:03d}_v{variation}.npz"
 
 
 def record(folder, *, workers: int = 2, only=None, progress=lambda done: done) -> Path:
-    """Record all 864 samples into `folder`, or go on with what is missing there.
+    """Record all 864 samples into `folder`, or those that are still missing there.
 
     Args:
-        folder: where to; made if it is not there.
-        workers: processes side by side.
-        only: pattern indices, to record a part (no `samples.npz` is written then).
-        progress: wraps the iterator over finished sequences (as `tqdm` does).
+        folder: made if it does not exist.
+        workers: number of processes.
+        only: pattern indices, to record a part. `samples.npz` is then not written.
+        progress: wraps the iterator over finished sequences, as `tqdm` does.
 
     Raises:
         RecordingError: `folder` holds something else, or a recording of another scene.
         FileError: another run records into it, or it cannot be written.
-        LanguageError: a pattern that does not exist.
+        LanguageError: a pattern does not exist.
+        RobotError: PyBullet is not installed.
     """
     folder = Path(folder)
     for index in only or ():
@@ -120,7 +131,7 @@ def record(folder, *, workers: int = 2, only=None, progress=lambda done: done) -
 
 
 def _check_free(folder: Path) -> None:
-    """Refuse to record into a folder that holds anything but a recording of this scene."""
+    """Refuse a folder that holds anything but a recording of this scene."""
     if (folder / "recording.json").exists():
         check_ours(folder)
     elif folder.exists() and not folder.is_dir():
@@ -132,7 +143,7 @@ def _check_free(folder: Path) -> None:
 
 
 def _claim(folder: Path) -> None:
-    """Make the folder a recording's, and clear away what a run that was killed left half-done."""
+    """Mark the folder as a recording, and delete the unfinished files of a run that was killed."""
     if not (folder / "recording.json").exists():
         with atomic_write(folder / "recording.json") as temporary:
             about = {"format": FORMAT, "fingerprint": fingerprint()}
@@ -143,7 +154,14 @@ def _claim(folder: Path) -> None:
 
 
 def check_ours(folder: str | Path, *, same_scene: bool = True) -> dict:
-    """Read `recording.json`. Raises `RecordingError` where the folder is not a recording."""
+    """Read `recording.json`.
+
+    Args:
+        same_scene: also refuse a recording that was made with another robot, scene or motion.
+
+    Raises:
+        RecordingError: the folder is not a recording of ours.
+    """
     about = Path(folder) / "recording.json"
     if not about.is_file():
         raise RecordingError(
@@ -171,7 +189,12 @@ def _record_to(folder: Path, index: int, variation: int) -> None:
 
 
 def load_sequence(folder, pattern_index: int, variation: int) -> Sequence:
-    """Read one sample with its images, and check that its arrays agree in length."""
+    """Read one sample with its images, and check its shapes and its seed.
+
+    Raises:
+        RecordingError: the file is missing, is damaged, or belongs to another sample.
+        LanguageError: the pattern does not exist.
+    """
     frames = language.pattern(pattern_index).frames
     path = sequence_path(folder, pattern_index, variation)
     if not path.is_file():
@@ -209,7 +232,11 @@ def samples_in_order() -> list[tuple[int, int]]:
 
 
 def gather(folder) -> Path:
-    """Write `samples.npz`: joints, cubes and contacts of all samples, without the images."""
+    """Write `samples.npz`: joints, cubes and contacts of all samples, without the images.
+
+    Raises:
+        RecordingError: a sequence is missing or damaged.
+    """
     folder = Path(folder)
     columns = {name: [] for name in ("joints_rad", "cubes", "touched", "pattern", "variation")}
     columns |= {"seed": [], "frames": []}

@@ -1,7 +1,7 @@
 """The simulated scene: NICO at a table with two cubes, and the camera in its right eye.
 
-One `Scene` is one fresh PyBullet world. A world that is re-used for a second sequence does not
-repeat itself to the bit, a fresh one does, and it costs only 8 ms.
+Each `Scene` is a fresh PyBullet world. A world that is used again does not repeat a sequence bit by
+bit; a fresh one does, and it takes only 8 ms to make.
 """
 
 from __future__ import annotations
@@ -47,7 +47,11 @@ LIGHT = {"lightDirection": (0.3, 0.6, 1.5), "lightAmbientCoeff": 0.6, "lightDiff
 
 
 def pybullet():
-    """The PyBullet module, or a `RobotError` that says how to go on without it."""
+    """The PyBullet module.
+
+    Raises:
+        RobotError: PyBullet is not installed. The message says what still works.
+    """
     try:
         import pybullet as module
     except ImportError:
@@ -62,12 +66,15 @@ def pybullet():
 class Scene:
     """A fresh world with NICO in the home pose and two cubes on the table.
 
+    Use it as a context manager, or call `close()` at the end.
+
     Args:
         colours: of the left and the right cube, names in `COLOUR_RGBA`.
         places_m: (2, 2) x and y of the left and the right cube.
-        yaws_rad: (2,) how the cubes are turned.
+        yaws_rad: (2,) rotation of the cubes about the vertical.
 
-    Use it as a context manager, or `close()` it.
+    Raises:
+        RobotError: there is no such colour, or PyBullet is not installed.
     """
 
     def __init__(self, colours, places_m=NOMINAL_PLACES_M, yaws_rad=(0.0, 0.0)):
@@ -104,6 +111,7 @@ class Scene:
         self.close()
 
     def close(self):
+        """End the simulation. A second call does nothing."""
         if self._client is not None:
             self._p.disconnect(self._client)
             self._client = None
@@ -160,20 +168,25 @@ class Scene:
         return np.ascontiguousarray(pixels[:, :, :3])
 
     def joints_rad(self) -> Float[np.ndarray, " 5"]:
-        """The joints as measured now."""
+        """The joint angles as measured now."""
         states = self._p.getJointStates(self._nico, self._joints, **self._at)
         return np.array([state[0] for state in states])
 
     def cubes(self) -> Float[np.ndarray, "2 7"]:
-        """Poses of the left and the right cube: position in m, then quaternion x y z w."""
+        """Poses of the left and the right cube: position in metres, then quaternion x y z w."""
         poses = (self._p.getBasePositionAndOrientation(c, **self._at) for c in self.cube_ids)
         return np.array([[*position, *turn] for position, turn in poses])
 
     def drive(self, target_rad: Float[np.ndarray, " 5"]) -> tuple[bool, bool]:
-        """Let the motors bring the arm to `target_rad` in one frame (40 ms) of physics.
+        """Move the arm to `target_rad` in one frame (40 ms) of physics.
 
-        The commanded angles move evenly from the last target to this one. Returns which cubes
-        (left, right) the arm touched meanwhile.
+        The motors follow angles that go at constant speed from the last target to this one.
+
+        Returns:
+            Which cubes (left, right) the arm touched during the frame.
+
+        Raises:
+            RobotError: a target is outside a joint's limits.
         """
         target_rad = np.asarray(target_rad, dtype=float)
         arm.check_limits(target_rad[None])

@@ -1,4 +1,4 @@
-"""The arm table written as URDF, the format that simulators read."""
+"""The arm of `arm.py` written as URDF, the format that simulators read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From an image to a few numbers: autoencoders, PCA, their training, and what they hold."""
+"""Image encoders: autoencoders and PCA, their training, and tests of what their features hold."""
 
 from ptae_lite.vision.autoencoder import CAE, ChannelSeparatedCAE, PlainCAE
 from ptae_lite.vision.checkpoint import (

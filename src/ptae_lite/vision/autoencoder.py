@@ -1,8 +1,8 @@
-"""Convolutional autoencoders (CAE) that turn an image into a few numbers.
+"""Convolutional autoencoders (CAE), which turn an image into a few numbers.
 
-`ChannelSeparatedCAE` is the paper's: one network for each of red, green and blue, 10 features
-each, so F = 30 (paper, section 3.1; the layer table follows the published code). `PlainCAE` sees
-the three channels together. The five fully connected layers are linear, as published.
+`ChannelSeparatedCAE` is the paper's encoder: one network each for red, green and blue, 10 features
+each, so F = 30 (paper, section 3.1; the layers are those of the published code). `PlainCAE` sees
+the three channels together. The five fully connected layers have no activation, as published.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ _relu = partial(nn.ReLU, inplace=True)  # saves a pass through memory
 
 
 class CAE(nn.Module):
-    """Encoder and decoder for images of `channels` channels, with `code` numbers between them.
+    """Encoder and decoder for images of `channels` channels (C), with `code` numbers between them.
 
-    Differs from the paper in nothing; 664,891 parameters for one channel and ten numbers.
+    The layers are those of the published code. With one channel and ten numbers there are 664,891
+    parameters.
     """
 
     def __init__(self, channels: int, code: int = CODE):
@@ -44,9 +45,11 @@ class CAE(nn.Module):
         )  # fmt: skip
 
     def encode(self, images: Float[Tensor, "B C 120 160"]) -> Float[Tensor, "B F"]:
+        """Features of images with values 0 to 1."""
         return self.encoder(images)
 
     def decode(self, features: Float[Tensor, "B F"]) -> Float[Tensor, "B C 120 160"]:
+        """Images with values 0 to 1, made from features."""
         return self.decoder(features)
 
     def forward(self, images):
@@ -54,12 +57,12 @@ class CAE(nn.Module):
         return self.decode(self.encode(images))
 
     def logits(self, images):
-        """The reconstruction before its last layer, the sigmoid."""
+        """The reconstruction before the last layer, the sigmoid."""
         return self.decoder[:-1](self.encode(images))
 
 
 class PlainCAE(CAE):
-    """One network for the three channels together: 10 features as published, or more."""
+    """One network for the three colour channels together: 10 features as published, or more."""
 
     kind = "plain"
 
@@ -68,7 +71,7 @@ class PlainCAE(CAE):
 
 
 class ChannelSeparatedCAE(nn.Module):
-    """Three networks, one for each colour channel; their codes lie side by side (F = 3 x code)."""
+    """One network for each colour channel. Their codes stand side by side, so F = 3 x `code`."""
 
     kind = "separated"
 
@@ -81,10 +84,12 @@ class ChannelSeparatedCAE(nn.Module):
         return (self.red, self.green, self.blue)
 
     def encode(self, images: Float[Tensor, "B 3 120 160"]) -> Float[Tensor, "B F"]:
+        """Features of images with values 0 to 1: those of red, then green, then blue."""
         parts = zip(self._channels(), images.split(1, dim=1), strict=True)
         return torch.cat([cae.encode(channel) for cae, channel in parts], dim=1)
 
     def decode(self, features: Float[Tensor, "B F"]) -> Float[Tensor, "B 3 120 160"]:
+        """Images with values 0 to 1, made from features."""
         parts = zip(self._channels(), features.split(self.code, dim=1), strict=True)
         return torch.cat([cae.decode(code) for cae, code in parts], dim=1)
 
@@ -93,6 +98,6 @@ class ChannelSeparatedCAE(nn.Module):
         return self.decode(self.encode(images))
 
     def logits(self, images):
-        """The reconstruction before its last layer, the sigmoid."""
+        """The reconstruction before the last layer, the sigmoid."""
         parts = zip(self._channels(), images.split(1, dim=1), strict=True)
         return torch.cat([cae.logits(channel) for cae, channel in parts], dim=1)

@@ -1,4 +1,4 @@
-"""The kinds of image encoders, and one file for each that was trained."""
+"""The kinds of image encoders, and how a trained one is written to and read from a file."""
 
 from __future__ import annotations
 
@@ -10,26 +10,30 @@ from ptae_lite import artefacts
 from ptae_lite.errors import ArtefactError, ConfigError
 from ptae_lite.vision import pca
 from ptae_lite.vision.autoencoder import CODE, ChannelSeparatedCAE, PlainCAE
-from ptae_lite.vision.training import AutoencoderRecipe
 
 ENCODERS = {"separated": ChannelSeparatedCAE, "plain": PlainCAE}
 WITHOUT_NETWORK = {encoder.kind: encoder for encoder in (pca.JointPCA, pca.ChannelPCA)}
 
 
 def make_autoencoder(kind: str, code: int = CODE) -> nn.Module:
-    """A fresh encoder of a kind in `ENCODERS` or `WITHOUT_NETWORK`."""
+    """A new encoder of a kind in `ENCODERS` or `WITHOUT_NETWORK`, with `code` numbers a network.
+
+    Raises:
+        ConfigError: there is no such kind.
+    """
     kinds = ENCODERS | WITHOUT_NETWORK
     if kind not in kinds:
         raise ConfigError(f"no encoder {kind!r}; there are {', '.join(kinds)}")
     return kinds[kind](code)
 
 
-def save_autoencoder(
-    path, encoder: nn.Module, recipe: AutoencoderRecipe | None = None, device: str = "cpu", **more
-) -> None:
-    """Write an encoder with its kind, where it was trained and, of a CAE, its recipe into one file.
+def save_autoencoder(path, encoder: nn.Module, recipe=None, device: str = "cpu", **more) -> None:
+    """Write an encoder to one file, with its kind and how it was trained.
 
-    `more` is kept beside these, such as the `experiment` that it is of.
+    Args:
+        recipe: a dataclass that says how.
+        device: where it was trained.
+        more: further entries to store, such as `experiment`.
     """
     about = {
         "kind": encoder.kind,
@@ -41,7 +45,11 @@ def save_autoencoder(
 
 
 def load_autoencoder(path) -> nn.Module:
-    """Read an encoder that `save_autoencoder` wrote."""
+    """Read an encoder that `save_autoencoder` wrote.
+
+    Raises:
+        ArtefactError: the file is missing, is damaged, or holds no encoder.
+    """
     tensors, about = artefacts.load_weights(path)
     if about.get("kind") not in ENCODERS | WITHOUT_NETWORK:
         raise ArtefactError(f"{path} holds no CAE but {about.get('kind')!r}")

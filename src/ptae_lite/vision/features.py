@@ -1,4 +1,4 @@
-"""Camera images as features: what an image encoder makes of them."""
+"""Features of camera images, made by an image encoder."""
 
 from __future__ import annotations
 
@@ -13,25 +13,29 @@ from ptae_lite.errors import ConfigError
 def as_input(
     images: UInt8[np.ndarray, "B 120 160 3"], device: str = "cpu"
 ) -> Float[Tensor, "B 3 120 160"]:
-    """Camera images as a network takes them: 0 to 1, channels first (in name; not moved in memory).
+    """Camera images as a network takes them: values 0 to 1, channels first.
 
-    Convolutions are faster on images whose channels lie side by side, as the camera gives them.
+    Only the order of the axes changes, not the order in memory. The three numbers of a pixel stay
+    side by side, as the camera gives them; convolutions are faster on such images.
+
+    Raises:
+        ConfigError: the images are not (B, 120, 160, 3) of uint8.
     """
     if images.ndim != 4 or images.shape[1:] != (120, 160, 3) or images.dtype != np.uint8:
         raise ConfigError(
             f"images are B x 120 x 160 x 3 bytes, not {images.shape} of {images.dtype}"
         )
-    own = np.require(images, requirements="W")  # shared with other processes they cannot be written
+    own = np.require(images, requirements="W")  # images that processes share are read-only: copy
     return torch.from_numpy(own).to(device).permute(0, 3, 1, 2).float().div_(255)
 
 
 @torch.no_grad()
 def encode_images(encoder: nn.Module, images, batch: int = 100) -> Float[np.ndarray, "M F"]:
-    """Features of images, an array (M, 120, 160, 3) of bytes or `frames.Images`."""
+    """Features of images: an array (M, 120, 160, 3) of bytes, or `frames.Images`."""
     codes = None
     for i in range(0, len(images), batch):
         part = encoder.encode(as_input(images[i : i + batch]))
-        if codes is None:  # one array: small ones among images that come and go hold their memory
+        if codes is None:  # one array: many small ones between images would keep memory in use
             codes = np.empty((len(images), part.shape[1]), np.float32)
         codes[i : i + batch] = part.numpy()
     return codes
@@ -42,8 +46,11 @@ def encode_recording(
 ) -> Float[np.ndarray, "M F"]:
     """Features of every frame of a recording, sample after sample.
 
-    They go into one array: small ones of their own, made while images come and go, would keep the
-    memory around them from being used again (20 GB by the end).
+    They are written into one array. Many small arrays, made between images that come and go, would
+    keep the memory around them in use (20 GB at the end).
+
+    Raises:
+        RecordingError: a sequence is missing or damaged.
     """
     from ptae_lite.language import pattern
     from ptae_lite.robot.recorder import load_sequence, samples_in_order

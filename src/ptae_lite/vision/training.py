@@ -16,29 +16,33 @@ from ptae_lite.vision.features import as_input
 
 
 class PixelCrossEntropy(torch.autograd.Function):
-    """Mean over pixels of the cross-entropy of `sigmoid(z)` and `x`, the paper's loss.
+    """Mean over pixels of the cross-entropy of `sigmoid(z)` and the image `x`: the paper's loss.
 
-    Equal to `binary_cross_entropy(sigmoid(z), x)`, but without its two logarithms a pixel where
-    they are not asked for: the gradient is `(sigmoid(z) - x) / n`. Without `value` it returns 0.
+    It equals `binary_cross_entropy(sigmoid(z), x)`. The gradient is `(sigmoid(z) - x) / n` for n
+    pixels, so a training that does not need the value of the loss saves the two logarithms a pixel.
     """
 
     @staticmethod
     def forward(ctx, z, x, value: bool = True):
-        """The loss of logits `z` for images `x`, both (B, C, 120, 160)."""
-        ctx.save_for_backward((torch.sigmoid(z) - x).div_(z.numel()))
+        """The loss of logits `z` for images `x`, both (B, C, 120, 160); 0 without `value`."""
+        ctx.save_for_backward(torch.sigmoid(z).sub_(x).div_(z.numel()))
         if not value:
             return z.new_zeros(())
         return functional.binary_cross_entropy_with_logits(z, x)
 
     @staticmethod
     def backward(ctx, outer):
-        """Its gradient by `z`; there is none by the images."""
+        """The gradient by `z`; there is none by `x` and `value`."""
         return ctx.saved_tensors[0] * outer, None, None
 
 
 @dataclass(frozen=True)
 class AutoencoderRecipe:
-    """How a CAE is trained."""
+    """How a CAE is trained.
+
+    Raises:
+        ConfigError: `steps` or `batch` is less than 1.
+    """
 
     steps: int = 8000  # ours; the published code takes 10,000
     batch: int = 16  # ours; published 200
@@ -49,24 +53,43 @@ class AutoencoderRecipe:
         if self.steps < 1 or self.batch < 1:
             raise ConfigError("a CAE needs at least one step, and an image a batch")
 
+    @property
+    def samples_seen(self) -> int:
+        """How many images are presented in all."""
+        return self.steps * self.batch
+
 
 WARM_UP = 50  # steps until the learning rate is reached
-DECAY = 0.2  # of all steps: the share at the end in which it falls to zero
+DECAY = 0.2  # share of all steps, at the end, in which the learning rate falls to zero
 
 
 def rate_share(step: int, steps: int | None) -> float:
-    """The learning rate at a step (from 0), as a share of the recipe's; `steps` as in `go`."""
+    """The learning rate at a step, as a share (0 to 1) of the recipe's rate.
+
+    ::
+
+        min(1, (step + 1) / 50, (steps - step) / (0.2 steps))
+
+    Args:
+        step: counted from 0.
+        steps: length of the training; None means that the rate does not fall.
+    """
     share = min(1, (step + 1) / WARM_UP)
     return share if steps is None else min(share, (steps - step) / (DECAY * steps))
 
 
 class AutoencoderTrainer:
-    """The training of a fresh CAE, which can be stopped, copied and gone on with.
+    """The training of a fresh CAE, which can be stopped, copied and continued.
 
-    The rate rises in a straight line over the first steps, stays, and falls in a straight line to
-    zero over the last fifth (ours). Until it falls, a training does not depend on how long it will
-    be: a long one passes through the states that shorter ones end from. Each step draws its batch
-    from the seed and its own number. The encoder stays on the `device`.
+    The learning rate rises linearly over the first 50 steps, stays constant, and falls linearly to
+    zero over the last fifth (ours; the published rate is constant). Before it falls, nothing
+    depends on the length of the training. So one long training passes through the states from which
+    shorter trainings start to fall. The batch of a step depends on the seed and the number of the
+    step alone.
+
+    Args:
+        encoder: trained in place; it starts from fresh weights and stays on `device`.
+        device: such as `cpu` or `cuda`.
     """
 
     def __init__(self, encoder: nn.Module, recipe: AutoencoderRecipe, device: str = "cpu"):
@@ -77,7 +100,7 @@ class AutoencoderTrainer:
                     layer.reset_parameters()
         self.recipe, self.device, self.step = recipe, device, 0
         gpu, rate = torch.device(device).type == "cuda", recipe.learning_rate
-        if gpu:  # a replayed step reads the rate where it lies
+        if gpu:  # a replayed step always reads the rate from the same place in memory
             rate = torch.tensor(rate, device=device)
         self.layout = torch.contiguous_format if gpu else torch.channels_last  # the faster there
         self.encoder = encoder.to(device, memory_format=self.layout).train()
@@ -88,9 +111,13 @@ class AutoencoderTrainer:
 
     def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
            progress=lambda steps: steps) -> list[float]:  # fmt: skip
-        """Train up to step `until` of `steps`; the losses of these steps, zeros without `value`.
+        """Train up to step `until`, and return the losses of these steps.
 
-        Without `steps` the training is a long one, whose rate does not fall yet.
+        Args:
+            images: (M, 120, 160, 3) bytes, or `frames.Images`.
+            steps: length of the whole training; None means that the rate does not fall yet.
+            value: without it the losses are not computed, and zeros are returned.
+            progress: wraps the iterator over steps, as `tqdm` does.
         """
         losses, update = [], devices.Replayed(partial(self._update, value=value))
         with devices.whole_float32():
@@ -105,9 +132,9 @@ class AutoencoderTrainer:
         return losses
 
     def _update(self, x, value: bool):
-        """One step on a batch; its loss."""
+        """One step on a batch; returns its loss."""
+        self.optimiser.zero_grad()  # first: the last gradients take as much memory as the weights
         loss = PixelCrossEntropy.apply(self.encoder.logits(x), x, value)
-        self.optimiser.zero_grad()
         loss.backward()
         self.optimiser.step()
         return loss.detach()
@@ -127,12 +154,17 @@ def train_autoencoder(
     progress=lambda steps: steps,
     device: str = "cpu",
 ) -> list[float]:
-    """Train on random batches of `images` by pixel-wise cross-entropy; returns the loss curve.
+    """Train on random batches of `images` by pixel-wise cross-entropy, and return the loss of each
+    step.
 
-    `images` are an array (M, 120, 160, 3) of bytes, or `frames.Images`, decoded batch by batch.
-    Only frames of training patterns belong in them. The loss is the paper's; the schedule is
-    ours (`AutoencoderTrainer`). The arithmetic is done on the `device`; the encoder comes back to
-    the CPU.
+    The loss is the paper's; the schedule of the rate is ours (`AutoencoderTrainer`).
+
+    Args:
+        encoder: trained in place; it comes back on the CPU.
+        images: of training patterns only: (M, 120, 160, 3) bytes, or `frames.Images`, which decodes
+            them batch by batch.
+        progress: wraps the iterator over steps, as `tqdm` does.
+        device: where the training runs, such as `cpu` or `cuda`.
     """
     training = AutoencoderTrainer(encoder, recipe, device)
     losses = training.go(images, recipe.steps, recipe.steps, progress=progress)

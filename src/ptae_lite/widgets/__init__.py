@@ -1,1 +1,1 @@
-"""Panels with sliders, the 3-D scene, and what else a reader can touch."""
+"""What a reader can move or press: panels with sliders, 3-D scenes, buttons that train."""

@@ -1,8 +1,8 @@
-"""One clip under conflict to choose from: what the model is given, and what it makes of it.
+"""A panel for one clip under conflict: what the model gets, and what it answers.
 
-A card is HTML: the words and the film strips with the conflicting parts marked, the answer beside
-truth and distractor, and for motions both arms in one 3-D scene. Nothing is shown by colour alone:
-a conflicting part has the sign ≠ and a double line.
+A card is HTML. It has the words and the pictures with the conflicting parts marked, the answer
+beside truth and distractor, and for motions both arms in one 3-D scene. Nothing is shown by colour
+alone: a conflicting part has the sign ≠ and a double line.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from ptae_lite.widgets.scene3d import arm_scene
 
 SIGNALS = ("repeat language", "execute", "describe", "repeat action")
 PLACES = {"all of it": "", "video only": "vision", "joints only": "proprioception", "none": None}
-FIRST = ("action", "cube", "speed")  # which aspect is false first; the next ones follow in a circle
+FIRST = ("action", "cube", "speed")  # the first false aspect; after the last comes the first again
 MARK = "border-bottom:3px double #D55E00;font-weight:bold"
 
 
 def condition_of(signal: str, extra: str, conflicts: int, first: str) -> Condition:
-    """The condition that a panel's controls stand for.
+    """The condition that the panel's controls stand for.
 
-    Without an extra input nothing can be in conflict; with one and no conflict it is the congruent
-    control. A sentence has no video or joints of its own.
+    Without an extra input there is no conflict. With an extra input and no conflict, it is the
+    congruent control. In a sentence, "video only" and "joints only" mean the whole sentence.
     """
     place, kind = PLACES[extra], EXTRA_INPUT[signal]
     if place is None:
@@ -58,7 +58,7 @@ def condition_of(signal: str, extra: str, conflicts: int, first: str) -> Conditi
 
 @dataclass(frozen=True, eq=False)
 class Card:
-    """What one clip is given and answered under one condition, as HTML."""
+    """What one clip gets and what is answered under one condition, as HTML."""
 
     samples: Samples
     examples: ConflictExamples
@@ -67,6 +67,7 @@ class Card:
 
     @cached_property
     def html(self) -> str:
+        """The whole card."""
         words = self.condition.signal in ANSWERS_WORDS
         parts = [self._given(), self._extra(), self._answer(), self._shares()]
         return "".join(parts) + ("" if words else self._scene())
@@ -76,14 +77,16 @@ class Card:
 
     @property
     def own(self) -> Pattern:
+        """The pattern of the clip."""
         return pattern(int(self.samples.pattern[self.examples.index]))
 
     @property
     def row(self):
+        """The row of the examples for this condition."""
         return self.examples.of(self.condition)
 
     def _given(self) -> str:
-        """The task with its regular input."""
+        """The task and its regular input."""
         signal, own = self.condition.signal, self.own
         still = EXTRA_INPUT[signal] == "action"
         if not still:
@@ -95,7 +98,7 @@ class Card:
         return f"<p><b>{signal}.</b> {given}</p>{self._strip(own, still)}"
 
     def _extra(self) -> str:
-        """The extra input, its conflicting parts marked."""
+        """The extra input, with its conflicting parts marked."""
         signal, place, aspects = self.condition
         if place == "none":
             return "<p>No extra input.</p>"
@@ -123,7 +126,7 @@ class Card:
         return f"<p>Instead: {what}: {shown}.</p>{self._strip(seen, False, seen is not own)}"
 
     def _answer(self) -> str:
-        """Truth, distractor and answer, and which input it follows."""
+        """Truth, distractor and answer, and what the answer follows."""
         signal, place, aspects = self.condition
         index, row = self.examples.index, self.row
         extra = row.sentence if EXTRA_INPUT[signal] == "language" else row.clip
@@ -141,7 +144,7 @@ class Card:
         return f'<table style="margin:1em 0">{cells}</table>'
 
     def _shares(self) -> str:
-        """The score of all test clips under the condition, and which input their answers follow."""
+        """The score of all test clips under the condition, and what their answers follow."""
         signal, place, aspects = self.condition
         rows = self.table[
             (self.table["signal"] == signal) & (self.table["conflict_in"] == place)
@@ -163,7 +166,7 @@ class Card:
         )
 
     def _strip(self, shown: Pattern, still: bool, false: bool = False) -> str:
-        """Six pictures of a clip from first to last, or one standing still."""
+        """Six pictures of a clip from first to last, or its first one alone."""
         picture_strips = self.examples.strips[shown.action_index]
         picture_strips = picture_strips[:1] if still else picture_strips
         edge = "3px double #D55E00" if false else "1px solid #888"
@@ -174,7 +177,7 @@ class Card:
         )
 
     def _scene(self) -> str:
-        """The arm as the model moves it, and faintly the true one."""
+        """The arm as the model moves it, and a faint arm with the true motion."""
         index, count = self.examples.index, int(self.samples.frames[self.examples.index])
         true = self.samples.joints[index, :count]
         made = np.concatenate([true[:1], self.examples.joints[self.row.track][: count - 1]])
@@ -187,7 +190,7 @@ class Card:
 
 
 def panel(samples: Samples, examples: ConflictExamples, table: pd.DataFrame) -> Panel:
-    """Choose a signal, what is put into its extra input, how many conflicts, and which first."""
+    """Choose a signal, its extra input, how many conflicts, and the first false aspect."""
 
     @cache
     def card(condition: Condition) -> Card:
@@ -223,7 +226,7 @@ def _marked(text: str, true: str) -> str:
 
 
 def _fill(who: str) -> str:
-    """A bar's colour, with stripes in another direction for each."""
+    """A bar's colour; each has stripes of another direction."""
     colour, hatch = FILLS[who]
     if not hatch:
         return colour

@@ -1,4 +1,4 @@
-"""Episodes of the closed loop to look at: a panel of them, and a box to type into."""
+"""Episodes of the closed loop to look at: a panel with them, and a box for typing a sentence."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to 
 
 
 def verdict_text(kept: StoredEpisode) -> str:
-    """The verdict in a sentence."""
+    """The verdict as a sentence."""
     meaning, verdict = parse(kept.instruction), kept.verdict
     side = side_of(kept.stage, meaning)
     pace = f"{verdict.frames} frames, {meaning.speed} asked for"
@@ -39,7 +39,7 @@ def verdict_text(kept: StoredEpisode) -> str:
 
 
 class Shown:
-    """An episode in 3-D with its verdict above it."""
+    """An episode in 3-D, with its verdict above it."""
 
     def __init__(self, kept: StoredEpisode):
         self.kept, self.text = kept, verdict_text(kept)
@@ -73,13 +73,13 @@ def panel(kept: list[StoredEpisode]) -> Panel:
 def answer(
     trained: Trained, encoder: nn.Module, kept: list[StoredEpisode], scene: str, text: str
 ) -> Shown:
-    """Let the model do what `text` says in one of the scenes of `episodes.stages`.
+    """Let the model do what `text` says, in one of the scenes of `episodes.stages`.
 
-    Without PyBullet it is looked up among the stored episodes.
+    Without PyBullet, the episode is looked up among the stored ones.
 
     Raises:
-        LanguageError: no sentence of this language, and which words there are.
-        RobotError: no PyBullet here, and no such episode is stored.
+        LanguageError: the sentence is wrong. The message lists the words.
+        RobotError: PyBullet is not installed, and no such episode is stored.
     """
     meaning, stage = parse(text.strip().lower()), stages()[scene]
     try:
@@ -96,9 +96,9 @@ def answer(
 
 
 class Box:
-    """A box to type a sentence into, and the arm that does it.
+    """A box for typing a sentence, and the arm that does it.
 
-    On a page without a kernel it says so; the panel of stored episodes works there.
+    A page without a kernel shows a note instead; the panel of stored episodes works there.
     """
 
     def __init__(self, trained: Trained, encoder: nn.Module, kept: list[StoredEpisode]):

@@ -1,8 +1,8 @@
-"""Sliders that work with a kernel and on a page without one.
+"""Sliders that work with a kernel, and on a page without one.
 
-A `Panel` is a pure function and the values it may be called with. Where a kernel runs it is a
-widget. In the static book it is plain HTML with one picture for each combination of values: no
-library, no network, and the keyboard works as in any form.
+A `Panel` is a pure function and the values with which it may be called. With a kernel it is a
+widget. In the static book it is plain HTML with one frame for each combination of values. That
+needs no library and no network, and the keyboard works as in any form.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from matplotlib.figure import Figure
 from ptae_lite.errors import PTAEError
 from ptae_lite.run_mode import is_static
 
-# Runs when any control of the panel moves: shows the one frame that belongs to their positions.
-# Positions that show the same share a frame. A frame with a scene is laid away in a template while
-# it is out of sight: browsers load scenes that are hidden, too, and keep only about 16 alive.
-# It is an attribute and not a script, so it needs no names that could occur twice on a page.
+# Runs when a control of the panel moves: shows the frame for their positions. Positions with the
+# same content share a frame. A hidden frame with a scene is kept in a template, because browsers
+# also load hidden scenes, and keep only about 16 alive. The code is an attribute and not a script,
+# so it needs no names that could occur twice on a page.
 _ON_INPUT = """
 let index = 0;
 const order = JSON.parse(this.dataset.order);
@@ -53,8 +53,8 @@ this.querySelectorAll('[data-frame]').forEach((frame, i) => {
 });
 """
 
-# Gives a screen reader what is written beside the sliders of a widget: their names, and the values
-# instead of the positions. ipywidgets leaves out the one and tells the other with every move.
+# Gives a screen reader what is written beside the sliders of a widget: their names and values.
+# ipywidgets gives it no names, and positions instead of values.
 _TELL_SLIDERS = """
 const box = this.closest('.widget-vbox');
 const tell = () => {
@@ -76,23 +76,26 @@ tell();
 class Panel:
     """A function under one or more sliders or choices.
 
+    With a kernel it is a widget, with a picture of the start for pages that show no widgets. For a
+    page without a kernel (`run_mode.is_static`) it is HTML with every frame drawn in advance. Each
+    frame is drawn once.
+
     Args:
-        function: called as `function(name=value, ...)`; returns a matplotlib figure, an object
-            with `_repr_html_`, or a text. It must depend on its arguments alone.
+        function: called as `function(name=value, ...)`; returns a matplotlib figure, an object with
+            `_repr_html_`, or a text. It must depend on its arguments alone.
         values: the values of the function's one control, or a dictionary with the values of each
             control, by argument name. Numbers make a slider, anything else a choice.
-        label: what is written at the one control; over several, the panel's title (each control
-            then has its argument's name).
-        start: the value to begin with, or a dictionary of them; otherwise the first ones.
-        labels: what is written at a control instead of its argument's name.
-        describe: called like `function`, returns in a sentence what its figure shows, for those
-            who cannot see it; otherwise the label and the values.
+        label: the text at the one control. With several controls it is the panel's title, and each
+            control has the name of its argument.
+        start: the first value, or a dictionary of them; None for the first of each list.
+        labels: texts for controls, instead of the arguments' names.
+        describe: called like `function`; returns a sentence about the figure, for readers who
+            cannot see it. None for the labels and the values.
 
-    Shown with a kernel, it is a widget, with a picture of the start for pages that show no
-    widgets. For a page without one (`run_mode.is_static`) it is HTML with every frame drawn
-    beforehand.
-    Each frame is drawn once. An error of the function comes up when the panel is made, or, later,
-    in place of the picture.
+    Raises:
+        PTAEError: a control has no values or one twice, or the function returns something else. An
+            error of the function at the start also ends here; a later one is shown instead of the
+            frame.
     """
 
     def __init__(
@@ -119,13 +122,17 @@ class Panel:
         self.start = {name: allowed[0] for name, allowed in self.values.items()} | (start or {})
         self._frames: dict[tuple[int, ...], Any] = {}
         self._faces: dict[tuple[int, ...], str] = {}
-        # Drawn now and not when shown: of an error raised while showing, IPython prints the
-        # traceback, but the cell counts as passed.
+        # Drawn now and not when shown: IPython prints an error that is raised while showing, but
+        # the cell counts as passed.
         self.face(**self.start)
         self._static = self.html() if is_static() else None
 
     def frame(self, **values) -> Any:
-        """What the function returns for these values, which must be among those of the panel."""
+        """What the function returns for these values.
+
+        Raises:
+            PTAEError: a value is not in the panel, or the function returns something else.
+        """
         key = self._positions(values)
         if key not in self._frames:
             made = self.function(**values)
@@ -140,14 +147,14 @@ class Panel:
         return self._frames[key]
 
     def face(self, **values) -> str:
-        """The frame for these values as HTML, the same with and without a kernel."""
+        """The frame for these values as HTML. It is the same with and without a kernel."""
         key = self._positions(values)
         if key not in self._faces:
             self._faces[key] = as_html(self.frame(**values), self.description(**values))
         return self._faces[key]
 
     def description(self, **values) -> str:
-        """The text that stands for the picture."""
+        """The text that replaces the picture for those who cannot see it."""
         self._positions(values)
         if self.describe is not None:
             return self.describe(**values)
@@ -155,7 +162,7 @@ class Panel:
         return ("" if len(values) == 1 else f"{self.label}: ") + ", ".join(texts)
 
     def widget(self) -> ipywidgets.VBox:
-        """The live face: a control per argument, and the frame below."""
+        """The widget: a control for each argument, and the frame below."""
         controls = {}
         for name, allowed in self.values.items():
             slides = _all_numbers(allowed)
@@ -174,7 +181,7 @@ class Panel:
                 view.value = self.face(**{name: c.value for name, c in controls.items()})
             except Exception:
                 view.value = f'<pre role="alert">{escape(traceback.format_exc())}</pre>'
-                raise  # a callback's error goes to a log that few readers open: hence both
+                raise  # a callback's error goes to a log that few readers open, so show it, too
 
         for control in controls.values():
             control.observe(update, "value")
@@ -183,7 +190,7 @@ class Panel:
         return ipywidgets.VBox([*controls.values(), view, telling])
 
     def html(self) -> str:
-        """The static face: controls and every different frame, drawn now."""
+        """The HTML without a kernel: controls, and every different frame."""
         rows = "".join(self._row(name) for name in self.values)
         combinations = product(*self.values.values())
         faces = [self.face(**dict(zip(self.values, c, strict=True))) for c in combinations]
@@ -220,7 +227,7 @@ class Panel:
         )
 
     def _positions(self, values: Mapping[str, Any]) -> tuple[int, ...]:
-        """Where each value stands among those of its control."""
+        """The place of each value among those of its control."""
         if set(values) != set(self.values):
             raise PTAEError(f"panel {self.label!r} takes {', '.join(self.values)}")
         for name, value in values.items():
@@ -244,7 +251,7 @@ class Panel:
 
 
 def as_html(made: Any, description: str) -> str:
-    """A figure with what it shows in words, a text, or what can show itself."""
+    """HTML of a figure (with its description), of a text, or of an object with `_repr_html_`."""
     if isinstance(made, Figure):
         picture = base64.b64encode(_saved(made, "svg")).decode("ascii")
         return (
@@ -259,7 +266,7 @@ def _laid_away(face: str) -> str:
 
 
 def _saved(figure: Figure, kind: str) -> bytes:
-    """The same bytes for the same figure: neither random names nor a date."""
+    """The figure as a file. The same figure gives the same bytes: no random names, no date."""
     file = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {"Software": None}
     with plt.rc_context({"svg.hashsalt": "ptae_lite"}):

@@ -1,7 +1,7 @@
 """One line of progress for long work, in a notebook and on a page.
 
-Bars of widgets vanish from a page without a kernel, and bars of text leave a line for each of
-their states. This one is a single output that is renewed: what stays in the page is its last state.
+Progress bars made of widgets are missing on a page without a kernel, and bars of text leave a line
+for each step. This one is a single output that is updated. A page keeps its last state.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import TypeVar
 from IPython.display import HTML, display
 
 Item = TypeVar("Item")
-EVERY_S = 0.2  # a page need not be renewed more often
+EVERY_S = 0.2  # between two updates
 
 
 def line(items: Iterable[Item], label: str = "training") -> Iterator[Item]:
-    """The items, one after the other, with a line that says how many are done.
+    """Yield the items, and show a line that says how many are done.
 
-    Wraps what has a length, as `tqdm` does: `training.train(samples, progress=progress.line)`.
-    The final line holds no seconds, so a page that is made again stays the same.
+    Use it like `tqdm`: `training.train(samples, progress=progress.line)`. The last line has no
+    seconds, so a page that is made again stays the same.
     """
     total = len(items) if isinstance(items, Sized) else 0
     shown = display(_Line(label, 0, total), display_id=True)

@@ -1,4 +1,4 @@
-"""The report card as a table to read: a row a claim, each with a link to where it is shown."""
+"""The report card as a table: a row for each claim, with a link to where it is shown."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ COLUMNS = ("claim", "paper", "ours", "this run", "verdict")
 
 
 def link(chapter: str, heading: str) -> str:
-    """Where a heading of a chapter is: on the site, or among the notebooks in JupyterLab."""
+    """The address of a chapter's heading: on the site, or among the notebooks in JupyterLab."""
     if not for_site():
         return f"{chapter}.ipynb#{heading.replace(' ', '-')}"
     return f"{chapter}.html#{re.sub(r'[^a-z0-9_ -]', '', heading.lower()).replace(' ', '-')}"
 
 
 def table(card: pd.DataFrame) -> HTML:
-    """The rows of `paper.report_card.card`, one heading for each group."""
+    """The rows of `paper.report_card.card`, with a heading for each group."""
     lines = ['<table class="dataframe report-card"><thead><tr>']
     lines += [f"<th>{name}</th>" for name in COLUMNS] + ["</tr></thead><tbody>"]
     for group, rows in card.groupby("group", sort=False):

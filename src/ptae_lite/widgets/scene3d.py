@@ -1,8 +1,8 @@
-"""The robot in 3-D: a meshcat scene recorded without meshcat's server.
+"""The robot in 3-D: a meshcat scene, recorded without meshcat's server.
 
-meshcat normally sends each command to a web server of its own, which listens on all interfaces
-without a password and cannot work on a static page. Here the commands are kept, and `Viewer`
-writes them into a page. The mouse turns the scene; a click into it lets the wheel zoom.
+meshcat normally sends its commands to a web server of its own. That server listens on all network
+interfaces without a password, and a static page cannot use it. Here the commands are kept, and
+`Viewer` writes them into a page. The mouse turns the scene; after a click the wheel zooms.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ptae_lite.robot.scene import COLOUR_RGBA, CUBE_EDGE_M, FRAMES_PER_S, TABLE_
 from ptae_lite.widgets.viewer import Viewer
 
 with warnings.catch_warnings():
-    # meshcat imports its server with itself; that one uses an old name, and we do not use it
+    # meshcat imports its server, which we do not use, and which warns of an outdated name
     warnings.simplefilter("ignore", DeprecationWarning)
     from meshcat import geometry
     from meshcat import transformations as tf
@@ -51,11 +51,18 @@ def sample_scene(
     eye: bool = False,
     autoplay: bool = False,
 ) -> Viewer:
-    """One recorded sample: its arm, its cubes, and a faint second arm if asked for.
+    """One recorded sample: its arm and its cubes, and a faint second arm if asked for.
 
-    `ghost_joints_rad` may be longer than the clip, as a model's answers are; where it begins with
-    the second frame, as they do, put the sample's first pose before it. `eye` shows beside the
-    scene what the camera saw, for samples whose video is stored (`frames.video_patterns`).
+    Args:
+        ghost_joints_rad: joints of the second arm. They may be longer than the clip. A model's
+            answer starts at the second frame, so put the sample's first pose before it.
+        ghost_name: what the caption calls the second arm.
+        eye: also show what the camera saw, for samples with a stored video
+            (`frames.video_patterns`).
+        autoplay: play again and again until it is stopped.
+
+    Raises:
+        PTAEError: the sample's video is not stored, or arrays do not fit together.
     """
     key = (int(samples.pattern[index]), int(samples.variation[index]))
     shown, count = pattern(key[0]), int(samples.frames[index])
@@ -93,14 +100,19 @@ def arm_scene(
     autoplay: bool = False,
     title: str = "NICO's left arm and two cubes",
 ) -> Viewer:
-    """The arm and the cubes over a sequence, with a second, see-through arm if asked for.
+    """The arm and the cubes over a sequence, and a transparent second arm if asked for.
 
-    `joints_rad` are the five joint angles in radians; `cubes` the left and the right cube's
-    x, y, z in metres and quaternion (x, y, z, w), in the robot's frame; `colours` their colours.
-    `ghost_joints_rad` draws the moving links once more, orange and transparent: an executed
-    trajectory over the recorded one. `eye` has the camera's picture from each of some frames on.
-    Without `still_png` the still is a drawing of the middle frame. Raises `PTAEError` for arrays
-    that do not fit together.
+    Args:
+        cubes: the left and the right cube: position in metres, quaternion x y z w.
+        colours: of the left and the right cube.
+        ghost_joints_rad: joints of the second arm, drawn in orange.
+        ghost_name: what the caption calls the second arm.
+        eye: camera's pictures; each is shown from its frame on.
+        still_png: the still picture; None for a drawing of the middle frame.
+        autoplay: play again and again until it is stopped.
+
+    Raises:
+        PTAEError: arrays do not fit together.
     """
     joints_rad = _checked("joints_rad", joints_rad, (None, 5))
     arm, count = link_transforms(joints_rad), len(joints_rad)
@@ -135,7 +147,14 @@ def record(
     title: str,
     still_png: bytes | None = None,
 ) -> Viewer:
-    """Record any shapes on any moving links; a link that never moves is placed once."""
+    """Record shapes on moving links. A link that never moves is placed once.
+
+    Args:
+        groups: name to shapes, and to the poses (T, 4, 4) of each link.
+
+    Raises:
+        PTAEError: a shape is on an unknown link, the links differ in frames, or a value is wrong.
+    """
     if not frames_per_s > 0:
         raise PTAEError(f"frames_per_s is {frames_per_s}; it must be positive")
     if still_png is not None and not still_png.startswith(b"\x89PNG"):
@@ -172,12 +191,13 @@ def record(
 
 
 class _Recorder:
-    """Stands where meshcat expects its window: keeps the commands instead of sending them."""
+    """Takes the place of meshcat's window: it keeps the commands instead of sending them."""
 
     def __init__(self) -> None:
         self.commands: list[dict] = []
 
     def send(self, command) -> None:
+        """Keep a command."""
         self.commands.append(command.lower())
 
 
@@ -206,7 +226,7 @@ def _mesh(shape: Shape, name: str) -> geometry.Mesh:
     red, green, blue = (round(255 * part) for part in shape.rgba[:3])
     paint = geometry.MeshPhongMaterial(color=red << 16 | green << 8 | blue, opacity=shape.rgba[3])
     mesh = geometry.Mesh(form, paint)
-    # meshcat's own names hold the time and the machine's address, and do not pack well
+    # meshcat's own names contain the time and the machine's address, and compress badly
     for part in (form, paint, mesh):
         part.uuid = f"{name}/{type(part).__name__}"
     return mesh

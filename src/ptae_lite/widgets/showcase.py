@@ -1,4 +1,4 @@
-"""The arm at work, by its instruction: one recorded sample of each of the 12 actions."""
+"""A panel that shows the arm at work: one recorded sample of each of the 12 actions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from ptae_lite.widgets.viewer import Viewer
 
 
 def video_sample(samples: Samples, action: str, side: str, speed: str) -> int:
-    """The sample of an action whose video is stored."""
+    """The sample of an action whose video is stored.
+
+    Raises:
+        ValueError: there is no such action.
+    """
     for index in frames.video_patterns():
         one = pattern(index)
         if (one.action, one.side, one.speed) == (action, side, speed):
@@ -22,7 +26,7 @@ def video_sample(samples: Samples, action: str, side: str, speed: str) -> int:
 
 
 def scene(samples: Samples, action: str, side: str, speed: str) -> Viewer:
-    """One action as a scene that plays by itself, with the camera's view."""
+    """One action as a scene that plays by itself, with the camera's pictures."""
     return sample_scene(
         samples, video_sample(samples, action, side, speed), eye=True, autoplay=True
     )

@@ -1,4 +1,4 @@
-"""Limited supervision to choose from: a panel over the shares, and a button that trains one.
+"""A panel over the shares of labels, and a button that trains a model.
 
 The panel is drawn from the stored tables of `experiments.supervision`. Only the button trains.
 """
@@ -25,10 +25,10 @@ from ptae_lite.widgets.train_button import TrainButton
 
 
 def card(table, said, mode: str, model: str, share: float, live=None) -> Figure:
-    """Where a model stands with a share, and what it says of some clips.
+    """The scores of a model with a share of the labels, and what it says of some clips.
 
-    `live` may be the rows and sentences of a training that was just run; they are shown instead.
-    Where the table has no such training, the figure says so.
+    Args:
+        live: rows and sentences of a training that was just run; they are shown instead.
     """
     here = rows_of(table, model, mode)
     here = here[here["share"] == share]
@@ -54,7 +54,7 @@ def card(table, said, mode: str, model: str, share: float, live=None) -> Figure:
 
 
 def describe(table, said, mode: str, model: str, share: float) -> str:
-    """What `card` shows, in words; or that the table has no such training."""
+    """What `card` shows, in words."""
     here = rows_of(table, model, mode)
     here = here[here["share"] == share]
     if here.empty:
@@ -74,7 +74,11 @@ def describe(table, said, mode: str, model: str, share: float) -> str:
 
 
 def panel(table: pd.DataFrame, said: pd.DataFrame, **start) -> Panel:
-    """The slider over the shares, with a choice of experiment and model; begins at `start`."""
+    """The slider over the shares, with a choice of experiment and model.
+
+    Args:
+        start: first values of the controls.
+    """
     return Panel(
         partial(card, table, said),
         {"mode": list(SHARES), "model": ["ptae", "pgae", "pvae"], "share": list(SHARES["samples"])},
@@ -86,7 +90,10 @@ def panel(table: pd.DataFrame, said: pd.DataFrame, **start) -> Panel:
 
 
 def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) -> TrainButton:
-    """The panel, and a button that trains the chosen model for a few epochs and marks its place."""
+    """The panel, and a button that trains the chosen model for a few epochs.
+
+    Its scores are then shown in the figure.
+    """
 
     def work(mode: str, model: str, share: float, tell) -> Figure | str:
         def counted(numbers) -> Iterator[int]:
@@ -122,7 +129,7 @@ def _words(said) -> str:
 
 
 def marked(truth: str, said) -> list[tuple[str, bool]]:
-    """The words that were said, and whether each is the right one for its place, or its synonym."""
+    """The words that were said, and whether each (or its synonym) is right for its place."""
     wanted = truth.split()
     words = [word for word in _words(said).split()]
     return [
@@ -132,7 +139,7 @@ def marked(truth: str, said) -> list[tuple[str, bool]]:
 
 
 def _sentences(text: Axes, rows: pd.DataFrame) -> None:
-    """Lines of text: the truth, the verdict, and the words, wrong ones in red and in brackets."""
+    """Lines of text: the truth, the verdict, and the words; wrong ones are red and in brackets."""
     look = {"family": "monospace", "fontsize": 8, "transform": text.transAxes}
     columns = {0: "the clip shows", 0.36: "the model says ([ ]: a wrong word)"}
     for x, heading in columns.items():
@@ -141,7 +148,7 @@ def _sentences(text: Axes, rows: pd.DataFrame) -> None:
         y = 0.95 - line / (len(rows) + 1.5)
         words = marked(row.truth, row.said)
         shown = [word if right else f"[{word}]" for word, right in words]
-        # two texts over each other, letter by letter: one has the right words, one the wrong ones
+        # two texts over each other: one has the right words, the other the wrong ones
         layers = {"black": True, style.RED: False}
         text.text(0, y, row.truth, **look)
         text.text(0.36, y, "right" if row.right else "WRONG", color="black", **look)

@@ -1,4 +1,4 @@
-"""A panel with a button beside it that does one position's work anew, where a kernel runs."""
+"""A panel with a button that runs some work for the panel's values, if there is a kernel."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from ptae_lite.widgets.panels import Panel, as_html
 
 
 class TrainButton:
-    """A panel, and a button.
+    """A panel, and a button below it.
 
     Args:
-        panel: shown above the button; on a page without a kernel it is all that is shown.
-        work: called with the panel's values and `tell`, a function that shows a line of text while
-            the work goes on; returns a figure or a text, which appears below.
-        button: what is written on the button.
+        panel: shown above the button. A page without a kernel shows the panel only.
+        work: called with the panel's values and with `tell`, a function that shows a line of text
+            during the work. It returns a figure or a text, which appears below.
+        button: the text on the button.
     """
 
     def __init__(self, panel: Panel, work: Callable[..., Any], button: str):
         self.panel, self.work, self.button = panel, work, button
 
     def widget(self) -> ipywidgets.VBox:
-        """The panel's widget, the button, a line that says how far the work is, the result."""
+        """The panel's widget, the button, a line about the progress, and the result."""
         box = self.panel.widget()
         controls = dict(zip(self.panel.values, box.children, strict=False))
         button = ipywidgets.Button(description=self.button, layout={"width": "max-content"})
@@ -45,7 +45,7 @@ class TrainButton:
                 result.value = as_html(made, text) if isinstance(made, Figure) else escape(text)
             except Exception:
                 result.value = f'<pre role="alert">{escape(traceback.format_exc())}</pre>'
-                raise  # a callback's error goes to a log that few readers open: hence both
+                raise  # a callback's error goes to a log that few readers open, so show it, too
             finally:
                 button.disabled = False
 

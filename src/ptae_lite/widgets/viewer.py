@@ -1,8 +1,8 @@
 """A recorded 3-D scene as one HTML page that needs no server, no kernel and no network.
 
-The page holds three packed parts: meshcat's viewer script, the commands that build the scene, and
-the movement, which a short script hands to the viewer frame by frame. On the book's site the viewer
-script, by far the largest part, is a file of its own that all scenes share.
+The page has three compressed parts: meshcat's viewer script, the commands that build the scene, and
+the movement. A short script gives the movement to the viewer, frame by frame. The viewer script is
+by far the largest part. On the book's site it is one file that all scenes share.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from ptae_lite.errors import PTAEError
 from ptae_lite.run_mode import for_site
 
 SHARED_SCRIPT = "_static/scene.js"  # from the site's root
-UNIT = 2.0**-14  # of a pose's entries: places to 0.03 mm, turns to 0.002 degrees
-# A scene of the site stands in a page of it, which knows the way to the site's root.
+UNIT = 2.0**-14  # rounding of a pose's entries: 0.03 mm, or 0.002 degrees
+# A scene of the site is inside a page of the site; that page knows the path to the site's root.
 _SHARED_PLAYER = f"""<script>
 const shared = document.createElement("script"), page = parent.document.documentElement;
 shared.src = (page.dataset.content_root || "") + "{SHARED_SCRIPT}";
@@ -45,25 +45,38 @@ BACKGROUNDS = {  # top and bottom, red, green and blue from 0 to 1
 class Viewer:
     """A recorded scene that a notebook, a static page or a file can show.
 
-    `commands` build the scene at frame 0; `poses` (T, M, 4, 4) are the world transforms of the M
-    links named in `moving`, in metres. `still_png` is what is seen where
-    no script runs. `eye` has the camera's picture (H, W, 3) from each of some frames on.
+    Attributes:
+        commands: they build the scene at frame 0.
+        moving: the M links that move.
+        poses: their world transforms, in metres.
+        frames_per_s: speed of the movement.
+        look_at_m: the mouse turns the scene about this point.
+        title: said to screen readers.
+        caption: text below the scene.
+        still_png: a picture, shown where no script runs.
+        eye: camera's pictures (H, W, 3); each is shown from its frame on.
+        autoplay: play again and again until it is stopped.
+        height_px: height of the frame in a page.
     """
 
     commands: list[dict]
     moving: tuple[str, ...]
     poses: Float[np.ndarray, "T M 4 4"]
     frames_per_s: float
-    look_at_m: tuple[float, float, float]  # the mouse turns the scene about this point
+    look_at_m: tuple[float, float, float]
     title: str
     caption: str = ""
     still_png: bytes | None = None
     eye: Mapping[int, np.ndarray] | None = None
-    autoplay: bool = False  # again and again until it is stopped
+    autoplay: bool = False
     height_px: int = 440
 
     def html(self, *, shared: bool = False) -> str:
-        """The page: complete in itself (or with the site's `shared` script), always the same."""
+        """The page. The same scene gives the same text.
+
+        Args:
+            shared: use the site's shared script; else the page is complete in itself.
+        """
         scene = {
             "commands": self.commands,
             "moving": self.moving,
@@ -90,18 +103,18 @@ class Viewer:
         return page
 
     def save(self, path: str | Path) -> Path:
-        """Write the complete page to a file, and return where."""
+        """Write the complete page to a file, and return its path."""
         path = Path(path)
         path.write_text(self.html(), encoding="utf-8", newline="\n")
         return path
 
     def _repr_html_(self) -> str:
-        """In a notebook a frame with all in it; on the site (`PTAE_STATIC=1`) with a still."""
+        """A frame with the page in it; on the site (`PTAE_STATIC=1`) also the still picture."""
         static = for_site()
         title, page = html.escape(self.title), html.escape(self.html(shared=static))
-        # A notebook's page is closed off. The site's own takes the script and the theme from it.
+        # In a notebook the page is isolated. On the site it needs the site's script and theme.
         closed = "" if static else 'sandbox="allow-scripts" '
-        # lazy: a browser keeps about 16 WebGL pictures alive, so only those in view may start
+        # lazy: a browser keeps about 16 WebGL scenes alive, so only those in view may start
         frame = (
             f'<iframe data-ptae-embed="scene" {closed}loading="lazy" title="{title}" '
             f'aria-label="{title}" width="100%" height="{self.height_px}" '
@@ -129,9 +142,9 @@ class Viewer:
 
 
 def _steps(poses: Float[np.ndarray, "T M 4 4"]) -> np.ndarray:
-    """From frame to frame, in whole units: (M, 12, T). Small numbers, which pack well.
+    """Changes from frame to frame in whole units: (M, 12, T). Small numbers compress well.
 
-    Steps of rounded poses, not rounded steps: errors do not add up.
+    They are differences of rounded poses, not rounded differences, so errors do not add up.
     """
     units = np.round(poses[:, :, :3] / UNIT).astype(int)
     steps = np.diff(units, axis=0, prepend=0)
@@ -141,7 +154,7 @@ def _steps(poses: Float[np.ndarray, "T M 4 4"]) -> np.ndarray:
 
 
 def _film(pictures: Mapping[int, np.ndarray]) -> dict:
-    """The camera's pictures in one WebP sheet, with the frames that they belong to."""
+    """The camera's pictures in one WebP sheet, with their frame numbers."""
     shots = [pictures[frame] for frame in sorted(pictures)]
     height, width, _ = shots[0].shape
     rows = -(-len(shots) // COLUMNS)
@@ -178,7 +191,7 @@ def shared_script() -> bytes:
 
 @cache
 def _library() -> bytes:
-    """meshcat's viewer, three.js in it, and the licences they come with."""
+    """meshcat's viewer, which contains three.js, with their licences."""
     folder = files("meshcat") / "viewer"
     licence = (folder / "LICENSE").read_bytes()
     notices = (folder / "dist" / "main.min.js.LICENSE.txt").read_bytes()  # all of it is comments
