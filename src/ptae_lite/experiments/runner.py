@@ -80,17 +80,17 @@ def run(study: Study, samples, jobs: Iterable[tuple], folder, weights=None,
     for group in [] if weights is None else shared(study, samples, todo, weights):
         trainings = [(one, samples, weights, unfinished) for one in group]
         tables.run(_train, trainings, lambda _: None, **where)
-    tables.run(work, [(study, samples, weights, unfinished, job) for job in todo], keep, **where)
+    tables.run(work, [(study, samples, weights, job, unfinished) for job in todo], keep, **where)
     return tables.read(table, study.key)
 
 
-def work(study: Study, samples, weights, unfinished, job: tuple):
+def work(study: Study, samples, weights, job: tuple, unfinished=None):
     """The rows of one job."""
     seen = samples if study.see is None else study.see(samples, *job)
     asked = study.experiment(seen, *job)
     trained = None if asked is None else obtain(asked, seen, weights, study.watch, unfinished)
     rows = study.score(trained, seen, *job)
-    if asked is not None:
+    if asked is not None and unfinished is not None:
         state_of(asked, unfinished).unlink(missing_ok=True)
     return rows
 
