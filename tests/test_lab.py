@@ -157,6 +157,7 @@ PLACES = """([kind, mark]) => {
 }"""
 PANELS = ["application/vnd.jupyter.widget-view+json", "model_id"]
 SCENES = ["text/html", "<iframe"]
+GUESSES = ["text/html", "radiogroup"]
 SCROLL_TO = """async i => {
   const notebook = window.jupyterapp.shell.currentWidget.content;
   await notebook.scrollToItem(i, 'start');
@@ -219,6 +220,15 @@ def play(page, cell):
     button.click()
 
 
+def answer(page, cell):
+    """Make a guess by the keyboard, and read the reply; the code that asks is folded."""
+    reply = cell.locator("[data-reply-here]")
+    assert reply.inner_text() == "" and not cell.locator(".jp-Editor").is_visible()
+    cell.get_by_role("radio").first.focus()
+    page.keyboard.press("Space")
+    until(lambda: reply.inner_text().startswith(("Yes.", "No.")), message="there is no reply")
+
+
 def tell(page, cell):
     """Type into the box of a cell what is no sentence, and one that is acted out."""
     text, button = cell.locator("input[type=text]"), cell.get_by_role("button", name="Act")
@@ -238,7 +248,9 @@ def test_a_chapter_is_run_moved_edited_and_saved(notebook, lab, chapter):
     panels, scenes = page.evaluate(PLACES, PANELS), page.evaluate(PLACES, SCENES)
     assert panels or chapter[:2] not in ("01", "04", "05")
     assert scenes or chapter[:2] != "01"
-    for places, use in ((panels, move_everything), (scenes, play)):
+    guesses = page.evaluate(PLACES, GUESSES)
+    assert guesses or chapter[:2] != "01"
+    for places, use in ((panels, move_everything), (scenes, play), (guesses, answer)):
         for place in places:
             page.evaluate(SCROLL_TO, place)
             use(page, page.locator(f'.jp-Cell[data-windowed-list-index="{place}"]'))
