@@ -101,6 +101,7 @@ def do_train(options) -> dict:
         samples, unfinished=state, device=options.device,
         progress=lambda epochs: bar(epochs, desc=options.model.upper(), unit=" epochs"),
     )  # fmt: skip
+    del trained.about["seconds"]  # so that the same command writes the same bytes
     asked.save(options.out, trained)
     state.unlink(missing_ok=True)
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
