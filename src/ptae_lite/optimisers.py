@@ -1,8 +1,8 @@
 """How weights follow their gradients: Muon for the hidden matrices, Adam for all else.
 
-Adam scales each weight's step by its own gradients. Muon looks at a matrix as a whole: it makes the
-singular values of an update about equal, so that a direction that few samples ask for is learned as
-fast as one that all ask for. Both follow one schedule.
+Adam scales the step of each weight by its own gradients. Muon treats a matrix as a whole: it makes
+the singular values of an update about equal. So a direction that few samples ask for is learned as
+fast as one that all samples ask for. Both follow one schedule.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from torch import Tensor, nn
 
 from ptae_lite.recipe import Recipe
 
-ITERATIONS = 5  # of Newton and Schulz, with the published coefficients
+ITERATIONS = 5  # Newton-Schulz iterations and coefficients: as published
 COEFFICIENTS = (3.4445, -4.7750, 2.0315)
-MATCH_ADAM = 0.2  # size of an entry of an update at a rate of 1, which is that of Adam's
+MATCH_ADAM = 0.2  # makes an entry of an update about as large as with Adam at the same rate
 
 
 class Muon(torch.optim.Optimizer):
@@ -29,8 +29,8 @@ class Muon(torch.optim.Optimizer):
 
     Args:
         params: matrices, or groups of them with `lr` of their own.
-        momentum: Nesterov's.
-        rows: of a block, at most.
+        momentum: the momentum coefficient (with Nesterov's correction).
+        rows: the largest number of rows of a block.
     """
 
     def __init__(self, params, lr: float = 1e-3, momentum: float = 0.95, rows: int = 64):
@@ -121,19 +121,24 @@ class Optimiser:
                 "schedules": [s.state_dict() for s in self.schedules]}  # fmt: skip
 
     def load_state_dict(self, state: dict) -> None:
+        """Go back to what `state_dict` returned."""
         for kept, there in (("parts", self.parts), ("schedules", self.schedules)):
             for one, found in zip(there, state[kept], strict=True):
                 one.load_state_dict(found)
 
 
 def is_hidden(weights: Tensor) -> bool:
-    """Whether both sides of a matrix are hidden units, or as many as: 32 at least."""
+    """Whether a tensor is a matrix with at least 32 rows and columns.
+
+    Maps of words (23 to 28) and of joints (5) are smaller: Muon is not for embeddings and outputs.
+    """
     return weights.ndim == 2 and min(weights.shape) >= 32
 
 
 def schedule(optimiser, recipe: Recipe, steps: int):
-    """The rates over the updates: one cycle, or where `warmup` is a share of them, a rise in that
-    share and a fall to zero, both linear."""
+    """The schedule of the learning rates: one cycle if `recipe.warmup` is 0. Else the rates rise
+    linearly in this share of the updates, then fall linearly to zero.
+    """
     if not recipe.warmup:
         peaks = [group["lr"] for group in optimiser.param_groups]
         return torch.optim.lr_scheduler.OneCycleLR(optimiser, peaks, total_steps=steps)

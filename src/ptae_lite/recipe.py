@@ -46,6 +46,11 @@ class Recipe:
             raise ConfigError("a recipe needs at least one epoch and batches of at least two")
         if not 0 < self.supervised < 1:
             raise ConfigError(f"supervised is {self.supervised}; it is a share between 0 and 1")
+        if not 0 <= self.warmup < 1 or self.muon_lr < 0:
+            raise ConfigError(
+                f"warmup is {self.warmup} and muon_lr {self.muon_lr}; warmup is a share from 0 to "
+                "below 1, and a learning rate is not below 0"
+            )
         if not 0 <= self.p_congruent_input <= 1:
             raise ConfigError(
                 f"p_congruent_input is {self.p_congruent_input}; it is a share from 0 to 1"
