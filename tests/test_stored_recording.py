@@ -35,7 +35,7 @@ def stored():
 
 @pytest.fixture(scope="module")
 def first_images():
-    return frames.images([(index, variation, 0) for index, variation in samples_in_order()])
+    return frames.Images([(index, variation, 0) for index, variation in samples_in_order()])
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +107,10 @@ def test_every_sequence_starts_and_ends_in_the_home_pose(stored):
     assert np.abs(ends - inverse.home_rad()).max() < 0.002
 
 
-@pytest.fixture(scope="module")
-def hues(first_images):
-    """Hue of the strongly coloured pixels of each first image, 0 to 6 (red to red); else nan."""
-    red, green, blue = np.moveaxis(first_images.astype(np.float32), -1, 0)
-    high, low = first_images.max(-1).astype(np.float32), first_images.min(-1)
+def hues(image):
+    """Hue of the strongly coloured pixels of an image, 0 to 6 (red to red); else nan."""
+    red, green, blue = np.moveaxis(image.astype(np.float32), -1, 0)
+    high, low = image.max(-1).astype(np.float32), image.min(-1)
     spread = np.maximum(high - low, 1)
     hue = np.select(
         [high == red, high == green],
@@ -121,25 +120,35 @@ def hues(first_images):
     return np.where(high - low > 0.6 * high, hue, np.nan)
 
 
-def coloured(hues, name):
-    """Which pixels have the colour `name`."""
-    wanted = 6 * colorsys.rgb_to_hsv(*scene.COLOUR_RGBA[name][:3])[0]
-    return np.abs((hues - wanted + 3) % 6 - 3) < 0.2  # 12 degrees
+@pytest.fixture(scope="module")
+def coloured(first_images):
+    """How many pixels of each colour every column of every first image has (864, 160)."""
+    wanted = {
+        name: 6 * colorsys.rgb_to_hsv(*rgba[:3])[0] for name, rgba in scene.COLOUR_RGBA.items()
+    }
+    counts = {name: np.zeros((len(first_images), 160), int) for name in wanted}
+    for i, image in enumerate(first_images):
+        seen = hues(image)
+        for name, hue in wanted.items():
+            counts[name][i] = (np.abs((seen - hue + 3) % 6 - 3) < 0.2).sum(0)  # 12 degrees
+    return counts
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", scene.COLOUR_RGBA)
-def test_every_first_image_shows_its_two_cubes_and_no_other_colour(stored, hues, name):
+def test_every_first_image_shows_its_two_cubes_and_no_other_colour(stored, coloured, name):
     there = np.array([name in (pattern(i).left, pattern(i).right) for i in stored.pattern])
-    counts = coloured(hues, name).sum((1, 2))
+    counts = coloured[name].sum(1)
     assert counts[there].min() > 400
     assert counts[~there].max() == 0
 
 
-def test_the_left_cube_of_a_pattern_is_the_left_one_in_the_image(stored, hues):
-    for index, image in zip(stored.pattern, hues, strict=True):
+def test_the_left_cube_of_a_pattern_is_the_left_one_in_the_image(stored, coloured):
+    for i, index in enumerate(stored.pattern):
         p = pattern(index)
-        left, right = (np.nonzero(coloured(image, name))[1].mean() for name in (p.left, p.right))
+        left, right = (
+            np.average(np.arange(160), weights=coloured[n][i]) for n in (p.left, p.right)
+        )
         assert left < right - 20
 
 

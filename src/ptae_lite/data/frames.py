@@ -148,7 +148,7 @@ class Images:
 
     def __getitem__(self, rows) -> np.ndarray:
         keys = self.keys[rows]
-        return images(keys) if keys.ndim == 2 else frame(*keys)
+        return images(keys.tolist()) if keys.ndim == 2 else frame(*keys.tolist())
 
 
 def training_images(folder, every: int = 3) -> np.ndarray:
