@@ -56,8 +56,8 @@ def ruler(levels: Mapping[str, float], x_label: str) -> Figure:
         far = 0.45 if i % 4 < 2 else 1.0  # so that neighbours do not touch
         axes.plot([value, value], [0, up * far], color=colour, lw=1)
         axes.plot(value, 0, MARKS[i % len(MARKS)], color=colour, ms=7)
-        beside = {"ha": "center", "va": "bottom" if up > 0 else "top", "color": colour}
-        axes.annotate(f"{name}: {value:.3f}", (value, up * far), **beside)
+        text = {"ha": "center", "va": "bottom" if up > 0 else "top", "color": colour}
+        axes.annotate(f"{name}: {value:.3f}", (value, up * far), **text)
     low, high = values[0][1], values[-1][1]
     axes.set(xlabel=x_label, ylim=(-1.5, 1.5), yticks=[])
     axes.set_xlim(low - 0.2 * (high - low), high + 0.2 * (high - low))
