@@ -25,7 +25,8 @@ from ptae_lite.book.chapters import notebook_files
 
 ROOT = Path(__file__).resolve().parents[1]
 BOOK = ROOT / "book"
-RETOLD = ["01_simulation", "in_depth/01_motion"]  # grows with each chapter that is rewritten
+# It grows with each chapter that is rewritten.
+RETOLD = ["01_simulation", "02_vision", "in_depth/01_motion", "in_depth/02_comparing_encoders"]
 FOLDED = {"hide-input", "remove-input", "hide-cell", "remove-cell"}
 COLUMNS = 79  # of a line of code that is shown
 TABLE_LINES = 4  # printed lines from which an output is a table

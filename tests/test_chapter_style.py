@@ -91,6 +91,7 @@ def test_results_of_stored_tables_are_known():
 
 def test_numbers_in_formulas_and_names_do_not_count():
     assert style.numbers_in("In chapter 03, figure 1.2: $4 x$, `a[5]` and 6 or seven") == (1, 1)
+    assert style.numbers_in("Here\n\n$$\nx = 1 + 2 + 3\n$$\n\nare 4") == (1, 0)
     assert measured("One 1, 2 and 3.\n\n- 1\n- 2\n\n| 1 | 2 | 3 |").crowded == 1
 
 

@@ -1,7 +1,4 @@
-"""What chapter 02 says about the encoders, held against the stored tables."""
-
-import math
-from pathlib import Path
+"""What chapter 02 and its page in depth say about the encoders, held against the stored tables."""
 
 import numpy as np
 import pandas as pd
@@ -13,7 +10,6 @@ from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use, encoders_table
 
-CHAPTER = Path(__file__).resolve().parents[1] / "book" / "02_vision.md"
 UP = ["first_both", "last_both", "first_both_products", "last_both_products", "last_act",
       "joints_r2"]  # fmt: skip
 DOWN = ["first_place_mm", "pixel_error"]
@@ -25,11 +21,6 @@ LONGEST = {name: max(further) for name, further in encoders.LONG.items()}
 @pytest.fixture(scope="module")
 def rows():
     return pd.read_csv(artefacts.stored("results/encoders.csv"))
-
-
-@pytest.fixture(scope="module")
-def text():
-    return " ".join(CHAPTER.read_text(encoding="utf-8").split())
 
 
 @pytest.fixture(scope="module")
@@ -88,26 +79,20 @@ def test_at_equal_arithmetic_the_plain_eye_of_30_places_and_draws_better(means):
         assert len(equal) == 1 and (equal[DOWN] < own[DOWN]).all(axis=None)
 
 
-def test_the_figures_are_described_with_their_numbers(means, text):
-    def ends(name, column):
-        own = means.loc[name, column].sort_index()
-        return own.loc[0], own.loc[LONGEST[name]]
+def test_the_figures_show_what_their_descriptions_say(means):
+    def path(name, column):
+        return means.loc[name, column].sort_index()
 
-    first, last = ({name: ends(name, c) for name in encoders.CAES} for c in UP[:2])
-    low, high = means.loc[PLAIN_30]["first_both"].min(), means.loc[SEPARATED]["last_both"].max()
-    down = means.loc[PLAIN_30]["last_both"].min()
-    place = {name: ends(name, DOWN[0])[1] for name in encoders.CAES}
-    for said in (
-        f"rises from {first[SEPARATED][0]:.0f} to {first[SEPARATED][1]:.0f} per cent and stays",
-        f"falls from {first[PLAIN_30][0]:.0f} to {low:.0f} and climbs to {first[PLAIN_30][1]:.0f}",
-        f"plain 10 ends falling, at {first[PLAIN_10][1]:.0f}",
-        f"peaks early at {high:.0f} and ends at {last[SEPARATED][1]:.0f}",
-        f"plain 30 falls to {down:.0f} and climbs to {last[PLAIN_30][1]:.0f}",
-        f"Places: plain 30 ends at {place[PLAIN_30]:.1f} mm, the channel-separated encoder at "
-        f"{place[SEPARATED]:.1f}, plain 10 at {place[PLAIN_10]:.1f}",
-    ):
-        assert said in text
-    assert means.loc[PLAIN_10]["last_both"].max() < 20
+    first, last = (path(SEPARATED, column) for column in UP[:2])
+    assert (
+        first.iloc[0] < first.iloc[-1] and first.iloc[-1] > 99 and last.iloc[-1] < last.max() - 10
+    )
+    first, last = (path(PLAIN_30, column) for column in UP[:2])
+    assert first.min() < first.iloc[0] - 20 and first.iloc[-1] > 90
+    assert last.min() < last.iloc[0] - 10 and last.iloc[-1] > last.min() + 20
+    assert path(PLAIN_10, "last_both").max() < 20
+    places = [path(name, DOWN[0]).iloc[-1] for name in (PLAIN_30, SEPARATED, PLAIN_10)]
+    assert places == sorted(places)
 
 
 def test_the_separated_eye_keeps_the_colours_of_first_frames(means):
@@ -141,11 +126,10 @@ def test_products_find_colours_that_a_sum_does_not_most_of_all_at_first(means):
             assert missing[1] > 2 * missing[0]
 
 
-def test_what_has_levelled_off_is_what_the_page_says(rows, text):
+def test_what_has_levelled_off_is_what_the_page_says(rows):
     """When this fails, the page's paragraphs about the rule have to be written anew."""
     by_rule = encoders_table.converged(rows)
     assert by_rule[by_rule].index.tolist() == [(SEPARATED, 512_000)]
-    assert "one row has converged: the channel-separated encoder after 512,000 images" in text
     changed = encoders_table.changes(rows)
     after = changed.loc[SEPARATED, 1_024_000]
     assert round(after["first_place_mm"]) == -11 and round(after["last_both"]) == -4
@@ -188,8 +172,7 @@ def test_wrong_colours_in_drawings_are_of_short_trainings(means):
         assert own[166_960] < 0.7 * own[64_000]
 
 
-def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(rows, text):
-    assert "Three seeds of each encoder, and their ranges do not touch" in text
+def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(rows):
     for lengths in encoders_table.EQUAL.values():
         same = encoders_table.at(rows, lengths)
         assert set(same.groupby("encoder")["seed"].nunique()) == {3}
@@ -214,7 +197,7 @@ def test_the_greatest_lengths_have_three_seeds_each(rows, longest):
     assert times.to_dict() == {SEPARATED: 16, PLAIN_10: 8, PLAIN_30: 16}
 
 
-def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows, text):
+def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows):
     test = (
         rows[rows["split"] == "test"].set_index(["encoder", "samples_seen", "device"]).sort_index()
     )
@@ -224,19 +207,17 @@ def test_plain_eyes_trained_on_a_cpu_show_the_fewest_colours_or_the_most(rows, t
 
     cpu, gpu = shown(PLAIN_30, 667_840)
     assert (len(cpu), len(gpu)) == (2, 5)
-    assert f"of seven once in {math.comb(7, 2)} cases" in text
-    assert f"{cpu.min():.0f} and {cpu.max():.0f} %, where the five on a GPU show" in text
-    assert f"{gpu.min():.0f} to {gpu.max():.0f}. One of the two" in text
+    assert cpu.max() < gpu.min()
     cpu, gpu = shown(PLAIN_30, 1_335_680)
     assert len(cpu) == 1 and len(gpu) == 3
-    assert f"{cpu.item():.0f} % against {gpu.min():.0f} to {gpu.max():.0f}" in text
+    assert cpu.item() < gpu.min()
     cpu, gpu = shown(PLAIN_30, 1_335_680, "last_both")
-    assert f"{cpu.item():.0f} against {gpu.min():.0f} to {gpu.max():.0f} at the end" in text
+    assert cpu.item() < gpu.min()
     for better in DOWN:
         cpu, gpu = shown(PLAIN_30, 1_335_680, better)
         assert cpu.item() < gpu.min()
     cpu, gpu = shown(PLAIN_10, 667_840)
-    assert f"{cpu.item():.0f} % against {gpu.min():.0f} to {gpu.max():.0f}" in text
+    assert cpu.min() > gpu.max()
     cpu, gpu = shown(PLAIN_10, 1_335_680)
     assert cpu.item() > gpu.max()
     for what in ("four times as long", "eight times as long"):
@@ -293,14 +274,14 @@ def test_ptae_was_trained_three_times_with_each_eye_and_once_with_the_longest(in
 
 
 def test_at_equal_presentations_ptae_describes_worse_with_plain_eyes_but_moves_better(
-    in_use, equal, text
+    in_use, equal
 ):
     rows = in_use["equal images seen"]
     own, ten, thirty = (rows.loc[name] for name in encoders.CAES)
     words = "describe_accuracy"
     for plain in (ten, thirty):
         assert plain[words].mean() < own[words].mean() - 35
-    assert f"between {thirty[words].min():.0f} and {thirty[words].max():.0f} %" in text
+    assert thirty[words].max() > thirty[words].min() + 30  # it depends on the seed
     motion = "execute_nrmse"
     assert thirty[motion].max() < own[motion].min() and own[motion].max() < ten[motion].min()
     assert equal["images seen"]["first_place_mm"].idxmin() == SEPARATED
@@ -324,9 +305,7 @@ def after_four(in_use):
     return in_use["four times as long"]
 
 
-def test_after_four_times_words_follow_the_colours_of_the_plain_eye(
-    after_four, with_equal, rows, text
-):
+def test_after_four_times_words_follow_the_colours_of_the_plain_eye(after_four, with_equal, rows):
     words, motion = after_four["describe_accuracy"], after_four["execute_nrmse"]
     seen = rows[rows["split"] == "test"].merge(
         after_four.reset_index()[[*encoders_in_use.KEY, "device", "describe_accuracy"]],
@@ -337,22 +316,19 @@ def test_after_four_times_words_follow_the_colours_of_the_plain_eye(
     gpu, cpu = (thirty.loc[device] for device in ("cuda", "cpu"))
     assert len({*gpu["seed"]} & {*cpu["seed"]}) == 1
     assert len(gpu) == len(cpu) == 2
-    for of, said in ((gpu, "show {:.0f} and {:.0f} % of the"), (cpu, "show {:.0f} and {:.0f}, it")):
-        assert said.format(*of["first_both"].sort_values()) in text
+    assert gpu["first_both"].min() > cpu["first_both"].max() + 10
     assert gpu["describe_accuracy"].min() > words[SEPARATED].min()
     assert cpu["describe_accuracy"].max() < words[SEPARATED].min()
-    for of in (gpu, cpu):
-        assert "{:.1f} and {:.1f} %".format(*of["describe_accuracy"].sort_values()) in text
     assert words[PLAIN_30].mean() > with_equal.loc[PLAIN_30, "describe_accuracy"].mean() + 3
     assert words[PLAIN_10].max() < words[SEPARATED].min() - 5
     assert motion[PLAIN_30].max() < motion[SEPARATED].min()
     assert motion[PLAIN_10].max() < with_equal.loc[PLAIN_10, "execute_nrmse"].min()
 
 
-def test_after_eight_times_nothing_turns_round(in_use, text):
+def test_after_eight_times_nothing_turns_round(in_use):
     rows = in_use["eight times as long"]
     words, motion = rows["describe_accuracy"], rows["execute_nrmse"]
-    assert f"with {words[SEPARATED]:.1f} and {words[PLAIN_30]:.1f} %" in text
+    assert abs(words[SEPARATED] - words[PLAIN_30]) < 3
     assert words[PLAIN_10] < words[PLAIN_30] - 5 and motion[PLAIN_30] < motion[SEPARATED] - 0.2
     for before in ("equal compute", "four times as long"):
         own = in_use[before].loc[SEPARATED].set_index("seed")["describe_accuracy"]

@@ -16,8 +16,8 @@ BOOK = Path(__file__).resolve().parents[1] / "book"
 HEADER = """\
 ---
 jupytext:
-  formats: ipynb,md:myst
   cell_metadata_filter: -jupyter
+  formats: ipynb,md:myst
   notebook_metadata_filter: -jupytext.text_representation.jupytext_version,-kernelspec
   text_representation:
     extension: .md

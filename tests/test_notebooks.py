@@ -8,6 +8,7 @@ import asyncio
 import re
 from pathlib import Path
 
+import jupytext
 import nbformat
 import pytest
 from jupyter_server.services.contents.largefilemanager import AsyncLargeFileManager
@@ -126,6 +127,15 @@ def test_no_notebook_is_too_large():
 @pytest.mark.parametrize("md", PAIRS, ids=lambda path: path.stem)
 def test_the_pair_agrees(md):
     assert notebooks.compare(md, md.with_suffix(".ipynb")) == []
+
+
+@pytest.mark.parametrize("md", PAIRS, ids=lambda path: path.stem)
+def test_the_twin_makes_the_same_source(md):
+    """Or JupyterLab refuses to open the pair where the twin is the newer file."""
+    twin = nbformat.read(md.with_suffix(".ipynb"), as_version=4)
+    for key in ("kernelspec", "language_info", notebooks.STAMP):
+        twin.metadata.pop(key, None)
+    assert jupytext.writes(twin, fmt="md:myst") == md.read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("md", CHAPTERS, ids=lambda path: path.stem)

@@ -1,4 +1,4 @@
-"""Figures of the image encoders: scores of a study by seed, marked images, components."""
+"""Figures of images and their codes: marked images, layers, components, scores of a study."""
 
 from __future__ import annotations
 
@@ -95,4 +95,63 @@ def components(
     plot.set(xlabel="components kept, from the largest", ylabel=y_label, ylim=(0, 105))
     for axes in (bars, plot):
         axes.legend()
+    return style.closed(figure)
+
+
+def squeezed(
+    images: Sequence[np.ndarray],
+    codes: Float[np.ndarray, "M F"],
+    drawn: Sequence[np.ndarray],
+    names: Sequence[str],
+) -> Figure:
+    """Images, below each its code as bars (ten a colour channel), below that the reconstruction.
+
+    Args:
+        names: of the three rows.
+    """
+    heights = (1, 0.55, 1)
+    figure, grid = plt.subplots(
+        3, len(images), figsize=(1.7 * len(images) + 0.4, 3.5), height_ratios=heights
+    )
+    channels = np.repeat([style.RED, style.GREEN, style.BLUE], codes.shape[1] // 3)
+    for column, image, code, made in zip(grid.T, images, codes, drawn, strict=True):
+        column[0].imshow(image)
+        column[1].bar(range(len(code)), code, color=channels, width=0.8)
+        column[1].axhline(0, color=style.GREY, lw=0.6)
+        column[1].set_ylim(codes.min(), codes.max())
+        column[2].imshow(made)
+    for axes in grid.flat:
+        axes.set(xticks=[], yticks=[])
+        axes.spines[:].set_visible(False)
+        axes.grid(False)
+    for axes, name in zip(grid[:, 0], names, strict=True):
+        axes.set_ylabel(name)
+    return style.closed(figure)
+
+
+def funnel(
+    stages: Sequence[tuple[str, tuple[int, ...]]], first: np.ndarray, last: np.ndarray
+) -> Figure:
+    """Layers from top to bottom; the wider a bar, the more numbers leave the layer.
+
+    Args:
+        stages: what each layer is, and the shape of what leaves it. The first one is the image.
+        first, last: the image above, and the one below.
+    """
+    counts = [int(np.prod(shape)) for _, shape in stages]
+    widths = np.sqrt(counts) / np.sqrt(max(counts))
+    code = int(np.argmin(counts))
+    figure = plt.figure(figsize=(5.4, 0.235 * len(stages) + 1.9))
+    top, axes, bottom = figure.subplots(3, 1, height_ratios=(0.9, 0.235 * len(stages), 0.9))
+    for i, ((layer, shape), count, width) in enumerate(zip(stages, counts, widths, strict=True)):
+        colour = style.ORANGE if i == code else style.BLUE if i < code else style.GREEN
+        axes.barh(i, width, left=-width / 2, height=0.72, color=colour)
+        axes.text(-0.62, i, layer, ha="right", va="center")
+        size = " x ".join(map(str, shape))
+        axes.text(0.62, i, f"{size} = {count:,}" if len(shape) > 1 else size, va="center")
+    axes.set(xlim=(-1.5, 1.5), ylim=(len(stages) - 0.4, -0.6))
+    axes.set_axis_off()
+    for picture, image in ((top, first), (bottom, last)):
+        picture.imshow(image, cmap="gray", vmin=0, vmax=1)
+        picture.set_axis_off()
     return style.closed(figure)

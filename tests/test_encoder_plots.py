@@ -1,0 +1,46 @@
+"""The figures that compare image encoders show the values they are given."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from ptae_lite.plots import encoders, vision
+
+
+def test_a_change_within_its_limit_is_green():
+    index = [("a", 64), ("a", 128), ("b", 64)]
+    table = pd.DataFrame({"error": [-30.0, -9.0, 15.0], "colours": [2.9, 3.1, -7.0]}, index)
+    image = encoders.changes(table, {"error": 10, "colours": 3}).axes[0].images[0]
+    np.testing.assert_array_equal(image.get_array(), [[2, 0], [0, 1], [1, 2]])
+
+
+def test_a_range_goes_from_the_lowest_seed_to_the_highest():
+    rows = pd.DataFrame({"encoder": ["a", "a", "b"], "score": [1.0, 4.0, 2.0]})
+    lines = encoders.ranges({"all": rows}, "encoder", {"score": "score"}).axes[0].lines
+    assert [list(line.get_xdata()) for line in lines] == [[1, 4], [2.5], [2, 2], [2]]
+
+
+def test_a_ruler_has_each_value_with_its_name():
+    axes = encoders.ruler({"floor": 0.5, "mean": 0.75}, "loss").axes[0]
+    assert [text.get_text() for text in axes.texts] == ["floor: 0.500", "mean: 0.750"]
+
+
+def test_an_arrow_leads_from_each_stage_to_the_next():
+    def stage(x, y):
+        return pd.DataFrame({"encoder": ["a"], "x": [x], "y": [y]})
+
+    figure = encoders.in_use(
+        {"short": stage(2.0, 10.0), "long": stage(1.0, 20.0)}, stage(3.0, 5.0).head(0), "x", "y",
+        ("x", "y"), {},
+    )  # fmt: skip
+    (arrow,) = figure.axes[0].texts
+    assert arrow.arrow_patch is not None and arrow.xy == (1, 20)
+    assert (arrow.xyann[0], arrow.xyann[1]) == (2, 10)
+
+
+def test_the_code_is_the_narrowest_bar_of_the_funnel():
+    stages = [("image", (1, 4, 4)), ("code", (2,)), ("image", (1, 4, 4))]
+    bars = vision.funnel(stages, np.zeros((4, 4)), np.ones((4, 4))).axes[1].patches
+    widths = [bar.get_width() for bar in bars]
+    assert widths == pytest.approx([1, np.sqrt(2 / 16), 1])
+    assert bars[1].get_facecolor() != bars[0].get_facecolor()
