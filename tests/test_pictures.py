@@ -39,11 +39,11 @@ def test_a_grid_holds_every_image_at_its_place():
     (axes,) = drawn(simulation_plots.grid(rows, ["x", "y", "z"])).axes
     sheet = axes.images[0].get_array()
     gap = simulation_plots.GAP_PX
-    assert sheet.shape == (2 * 12 + gap, 3 * 16 + 2 * gap, 3)
+    assert sheet.shape == (2 * 12 + gap, 3 * 16 + 2 * gap, 4)  # with a channel: it is opaque
     for r, values in enumerate(((10, 20, 30), (40, 50, 60))):
         for c, value in enumerate(values):
             top, left = r * (12 + gap), c * (16 + gap)
-            assert (sheet[top : top + 12, left : left + 16] == value).all()
+            assert (sheet[top : top + 12, left : left + 16, :3] == value).all()
     assert (sheet[12] == 255).all()
     assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b"]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["x", "y", "z"]

@@ -146,11 +146,9 @@ def write(md: Path) -> Path:
     ipynb = md.with_suffix(".ipynb")
     content = to_bytes(notebook, ipynb.name)
     text = jupytext.writes(source, fmt="md:myst")
-    if text != md.read_text(encoding="utf-8"):
-        with atomic_write(md) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="\n")
-    with atomic_write(ipynb) as temporary:
-        temporary.write_bytes(content)
+    with atomic_write(md) as new_md, atomic_write(ipynb) as new_ipynb:
+        new_md.write_text(text, encoding="utf-8", newline="\n")
+        new_ipynb.write_bytes(content)  # neither takes its place before both are there
     return ipynb
 
 
