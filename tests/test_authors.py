@@ -359,7 +359,7 @@ def command(capsys, monkeypatch):
     def train(samples, recipe, *, config, **options):
         return real(samples, training.Recipe(epochs=1, batch=54), config=SMALL, **options)
 
-    monkeypatch.setattr(training, "train", train)
+    monkeypatch.setattr("ptae_lite.experiments.experiment.train", train)
 
     def run(*arguments):
         status = cli.main([*map(str, arguments), "--json"])

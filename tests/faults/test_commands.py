@@ -56,7 +56,9 @@ def usage(capsys):
 @pytest.fixture
 def no_training(monkeypatch):
     """A training would be a fault: the command has to be refused before it."""
-    monkeypatch.setattr(training, "train", lambda *_, **__: pytest.fail("it was trained"))
+    monkeypatch.setattr(
+        "ptae_lite.experiments.experiment.train", lambda *_, **__: pytest.fail("it was trained")
+    )
     monkeypatch.setattr(vision, "train_autoencoder", lambda *_, **__: pytest.fail("it was trained"))
 
 

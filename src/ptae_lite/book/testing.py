@@ -20,7 +20,7 @@ from ptae_lite.run_mode import TIERS
 EXTRAS = ("bert", "cluster", "course")  # extras of pyproject.toml that some tests need
 EXTRAS_STAMP = Path(".venv", "extras.sha256")
 NOT_QUICK = ("browser", "stops", "slow", "extras")  # markers of tests that only --all runs
-WORKERS = 8  # at most: each takes half a GB, and more save no time beside the longest file
+WORKERS = 8  # at most: each takes 0.7 GB, and more save no time beside the longest file
 
 
 def call(module: str, *arguments, log: str | None = None) -> int:
