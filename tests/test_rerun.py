@@ -527,7 +527,9 @@ def test_the_progress_of_commands_side_by_side_is_that_of_the_slower(tiny, setti
     one = Stage("both", command, {files[0]: CHECK}, 0.1)
     assert Rerun(settings, (one,)).go(io.StringIO()) is None
     told = [share for share in shares if share is not None]
-    assert told == sorted(told) and told[-1] == 1 and {0.25, 0.5, 0.75} <= set(told)
+    assert told == sorted(told) and told[-1] == 1
+    assert set(told) <= {0, 0.25, 0.5, 0.75, 1}  # a busy machine may look too late for one
+    assert any(0 < share < 1 for share in told)
 
 
 def test_durations():
