@@ -83,6 +83,13 @@ def test_another_training_is_not_gone_on_with(few, tiny, tmp_path, at_once, chan
     assert state.read_bytes() == before
 
 
+def test_other_labels_are_another_training(few, tiny, tmp_path, at_once):
+    state, recipe, train = tmp_path / "state", RECIPES["Adam"], few.split("train")
+    training.train(few, recipe, config=tiny, labelled=train[:6], unfinished=state)
+    with pytest.raises(ArtefactError, match="another training"):
+        training.train(few, recipe, config=tiny, labelled=train[1:7], unfinished=state)
+
+
 def test_nothing_is_kept_before_ten_minutes(few, tiny, tmp_path):
     training.train(few, RECIPES["Adam"], config=tiny, unfinished=tmp_path / "state")
     assert not list(tmp_path.iterdir())
@@ -90,7 +97,7 @@ def test_nothing_is_kept_before_ten_minutes(few, tiny, tmp_path):
 
 def test_a_loss_that_is_no_number_stops_with_a_sentence(few, tiny):
     recipe = Recipe(epochs=3, batch=8, learning_rate=1e20, clip=1e30, seed=5)
-    with pytest.raises(TrainingError, match="seed 5 .* epoch"):
+    with pytest.raises(TrainingError, match="seed 5 .* at update [0-9]+ "):
         training.train(few, recipe, config=tiny)
 
 

@@ -107,22 +107,23 @@ def train(
             raise ConfigError(f"{len(indices)} samples do not fill a batch of {recipe.batch}")
         optimiser = Optimiser(network, recipe, record.steps)
         what = asdict(record) | {
-            "model": model,
-            "config": asdict(config),
-            "data": samples.fingerprint,
-        }
+            "model": model, "config": asdict(config), "data": samples.fingerprint,
+            "labels": batches.with_label.tolist(), "limited": limited,
+            "videos": {str(i): [float(v.sum()) for v in own] for i, own in (videos or {}).items()},
+        }  # fmt: skip
         state = Unfinished(unfinished, what)
         done, so_far = state.load(network, optimiser, batches.rng)
         record = replace(record, **so_far)
         for epoch in progress(range(done + 1, recipe.epochs + 1)):
             network.train()
             begun, sums, supervised = devices.clock(device), 0.0, 0
-            for batch in batches.epoch():
+            for step, batch in enumerate(batches.epoch(), 1):
                 losses = network.loss(batch.inputs.to(device), batch.paired.to(device))
                 optimiser.step(sum(w * loss for w, loss in zip(weights, losses, strict=False)))
-                sums += np.array([loss.item() for loss in losses])
+                values = np.array([loss.item() for loss in losses])
+                check_finite(values, (epoch - 1) * batches.count + step, recipe)
+                sums += values
                 supervised += batch.supervised
-            check_finite(sums, epoch, recipe)
             seconds = devices.clock(device) - begun
             record = record.after_epoch(sums / batches.count, supervised, seconds)
             network.eval()
@@ -131,10 +132,10 @@ def train(
     return Trained(network.to("cpu").eval(), scaling, asdict(record))
 
 
-def check_finite(losses: np.ndarray, epoch: int, recipe: Recipe) -> None:
-    """Raise `TrainingError` where a loss of an epoch is not a number."""
+def check_finite(losses: np.ndarray, step: int, recipe: Recipe) -> None:
+    """Raise `TrainingError` if a loss of an update is not a number."""
     if not np.isfinite(losses).all():
         raise TrainingError(
-            f"the training with seed {recipe.seed} broke off: in epoch {epoch} of {recipe.epochs} "
-            "a loss was no number any more; train it with a lower learning rate"
+            f"the training with seed {recipe.seed} broke off: at update {step} a loss was no "
+            "number any more; train it with a lower learning rate"
         )
