@@ -66,14 +66,23 @@ def blocks_of(matrix: Tensor, rows: int) -> Tensor:
 
 
 def orthogonal(blocks: Tensor) -> Tensor:
-    """Blocks (N, R, C) whose singular values are brought near 1, between about 0.7 and 1.2."""
+    """Blocks (N, R, C) whose singular values are brought near 1, between about 0.7 and 1.2.
+
+    Each iteration multiplies x by p = a + b g + c g g, where g = x x^T. So the iterations need only
+    the small square matrices: g becomes p g p, and the product q of all p is applied at the end.
+    """
     a, b, c = COEFFICIENTS
     tall = blocks.shape[1] > blocks.shape[2]
     x = blocks.mT if tall else blocks
     x = x / (x.norm(dim=(1, 2), keepdim=True) + 1e-7)
-    for _ in range(ITERATIONS):
-        gram = torch.bmm(x, x.mT)
-        x = torch.baddbmm(x, torch.baddbmm(gram, gram, gram, beta=b, alpha=c), x, beta=a)
+    gram = torch.bmm(x, x.mT)
+    for i in range(ITERATIONS):
+        p = torch.baddbmm(gram, gram, gram, beta=b, alpha=c)
+        p.diagonal(dim1=1, dim2=2).add_(a)
+        q = torch.bmm(p, q) if i else p
+        if i < ITERATIONS - 1:
+            gram = torch.bmm(torch.bmm(p, gram), p)
+    x = torch.bmm(q, x)
     return x.mT if tall else x
 
 
