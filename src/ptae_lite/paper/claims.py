@@ -20,7 +20,7 @@ from ptae_lite.paper.claim_metrics import (
 )
 from ptae_lite.paper.claims_few_labels import FEW_LABELS
 
-EYE, CONFLICT = "02_vision", "05_incongruence"
+EYE, CONFLICT, DEPTH = "02_vision", "05_incongruence", "in_depth/03_family"
 FAMILY, CHOICES = "The family, side by side", "Which of its choices matter?"
 COUNTS, PARTS = "Nought to three conflicts", "Not all conflicts are equal"
 REASON = "Where the asymmetry comes from"
@@ -64,6 +64,7 @@ CLAIMS = [
         lambda tables: [n / 1e6 for n in of_family("parameters")(tables)],
         lambda found, _: bool((abs(found - 1.5) < 0.05).all()),
         "million",
+        chapter=DEPTH,
         heading="A family of four",
     ),
     ClaimTest(
@@ -72,6 +73,7 @@ CLAIMS = [
         "2.78 %",
         lambda _: [CHANCE],
         lambda found, _: bool(found.round(2) == 2.78),
+        chapter=DEPTH,
         heading=FAMILY,
         trained=False,
     ),
@@ -82,6 +84,7 @@ CLAIMS = [
         ratio_of_updates,
         lambda found, _: bool((found < 50).all()),
         "% of PGAE's",
+        chapter=DEPTH,
         heading=FAMILY,
         remark="Each has its own learning rate; after long trainings held at 90 %, not 75 or 95.",
     ),
@@ -92,6 +95,7 @@ CLAIMS = [
         lead("language as query is better than action", "repeat_language_accuracy"),
         clearly("language as query is better than action", "PTAE", "repeat_language_accuracy"),
         "points, repeat language",
+        chapter=DEPTH,
         heading=CHOICES,
         remark="Two of three seeds lean to it; the third shows no difference.",
     ),
@@ -102,6 +106,7 @@ CLAIMS = [
         lead("repeat both helps PGAE", "execute_nrmse"),
         clearly("repeat both helps PGAE", "PGAE", "execute_nrmse"),
         "points of NRMSE",
+        chapter=DEPTH,
         heading=CHOICES,
         caveat="In execute, and by little; describe shows no difference.",
     ),
@@ -113,6 +118,7 @@ CLAIMS = [
             lead(claim, "describe_accuracy"),
             clearly(claim, "neither", "describe_accuracy", "execute_nrmse"),
             "points, describe",
+            chapter=DEPTH,
             heading=CHOICES,
             caveat=caveat,
         )

@@ -1,0 +1,186 @@
+"""Figures of chapter 03: the network and its signals, attention, answers, errors on one ruler.
+
+Each function returns a closed matplotlib figure. A notebook shows it once, if it is the last line
+of a cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+from jaxtyping import Float
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+
+from ptae_lite.data import signals
+from ptae_lite.plots import style
+
+LANGUAGE, ACTION, SHARED = style.ORANGE, style.SKY, style.GREEN
+# boxes of the network: x, y, what it is, its shape, colour
+BOXES = [
+    (0, 2, "query tokens", "6 × 28", LANGUAGE), (0, 0, "keys: video, joints", "100 × 35", ACTION),
+    (1, 2, "embed + position", "6 × 256", LANGUAGE), (1, 0, "embed", "100 × 256", ACTION),
+    (2, 1, "attention", "4 heads\n6 × 100", SHARED), (3, 1, "code h", "256", SHARED),
+    (4, 2, "language decoder", "4 × 23", LANGUAGE), (4, 0, "action decoder", "99 × 5", ACTION),
+]  # fmt: skip
+ARROWS = [(0, 2), (1, 3), (2, 4), (3, 4), (4, 5), (5, 6), (5, 7)]
+
+
+def network() -> Figure:
+    """PTAE as boxes with the shapes of one sample."""
+    figure, axis = plt.subplots(figsize=(8.4, 3.3))
+    for start, end in ARROWS:
+        (x0, y0), (x1, y1) = BOXES[start][:2], BOXES[end][:2]
+        axis.annotate("", (x1 - 0.4, y1), (x0 + 0.4, y0), arrowprops={
+            "arrowstyle": "->", "color": style.GREY,
+        })  # fmt: skip
+    axis.annotate("", (4, -0.38), (4, -0.95), arrowprops={"arrowstyle": "->", "color": style.GREY})
+    axis.text(4, -1.15, "a frame of video (30)\nand the last pose (5)", ha="center", va="center")
+    for x, y, name, shape, colour in BOXES:
+        axis.add_patch(FancyBboxPatch(
+            (x - 0.38, y - 0.34), 0.76, 0.68, boxstyle="round,pad=0.02", facecolor=colour,
+            alpha=0.25, edgecolor=style.GREY,
+        ))  # fmt: skip
+        axis.text(x, y + 0.1, name.replace(" ", "\n", 1), ha="center", va="center", fontsize=8.5)
+        axis.text(x, y - 0.3, shape.split("\n")[-1], ha="center", va="bottom", weight="bold")
+    axis.text(2, 1.42, "4 heads", ha="center", color=style.GREY)
+    axis.set(xlim=(-0.5, 4.5), ylim=(-1.5, 2.5))
+    axis.axis("off")
+    return style.closed(figure)
+
+
+def wiring(film: Sequence[np.ndarray], text: str) -> Figure:
+    """What each signal of PTAE sees and must answer, as pictures.
+
+    Args:
+        film: some images of a clip, in order.
+        text: its sentence.
+    """
+    columns = ("query", "keys", "decoder's video", "answers words", "answers joints")
+    figure, axes = plt.subplots(4, 5, figsize=(9.5, 4.2), width_ratios=(1.2, 2, 2, 1, 1))
+    choose = {"clip": list(film), "first": [film[0]] * len(film), "last": [film[-1]] * len(film)}
+    words = {"eos": "(nothing)", "sentence": text.replace(" ", "\n")}
+    for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
+        wires = signals.WIRING[signal]
+        told = text.replace(" ", "\n") if wires.query == "sentence" else ""
+        row[0].text(0.5, 0.95, signal, ha="center", va="top", weight="bold", color=style.BLUE)
+        row[0].text(0.5, 0.7, told, ha="center", va="top")
+        row[1].imshow(np.hstack(choose[wires.keys]))
+        row[2].imshow(np.hstack(choose[wires.video]))
+        row[3].text(0.5, 0.5, words[wires.words], ha="center", va="center")
+        moves = "the motion" if wires.joints == "clip" else "hold still"
+        row[4].text(0.5, 0.5, moves, ha="center", va="center")
+        for axis in row:
+            axis.set(xticks=[], yticks=[])
+            axis.grid(False)
+            axis.spines[:].set_visible(False)
+    for axis, name in zip(axes[0], columns, strict=True):
+        axis.set_title(name)
+    return style.closed(figure)
+
+
+def bars(rows: Mapping[str, float], label: str, chance: float | None = None) -> Figure:
+    """Percentages as horizontal bars with their values; a dotted line at `chance`."""
+    figure, axis = plt.subplots(figsize=(7, 0.38 * len(rows) + 0.7))
+    axis.barh(range(len(rows)), rows.values(), color=style.BLUE, height=0.6)
+    for y, value in enumerate(rows.values()):
+        axis.text(min(value, 100) + 1, y, f"{value:.0f} %", va="center")
+    if chance is not None:
+        axis.axvline(chance, color=style.RED, linestyle=":")
+    axis.set_yticks(range(len(rows)), rows)
+    axis.invert_yaxis()
+    axis.set(xlabel=label, xlim=(0, 112))
+    axis.grid(axis="y", visible=False)
+    return style.closed(figure)
+
+
+def weighing(weights: Float[np.ndarray, "N T"]) -> Figure:
+    """The weights of each query over some frames, as bars."""
+    figure, axes = plt.subplots(1, len(weights), figsize=(6, 1.9), sharey=True)
+    for number, (axis, row) in enumerate(zip(axes, weights, strict=True), start=1):
+        axis.bar(range(1, len(row) + 1), row, color=style.BLUE)
+        for x, value in enumerate(row, start=1):
+            axis.text(x, value + 0.02, f"{value:.3f}", ha="center")
+        axis.set(
+            title=f"query {number}", xlabel="frame", xticks=range(1, len(row) + 1), ylim=(0, 1.2)
+        )
+    axes[0].set_ylabel("weight")
+    return style.closed(figure)
+
+
+def learning(losses: Sequence[float], floor: float, said: Mapping[int, str], truth: str) -> Figure:
+    """The language loss by step, its floor, and what the network says of one clip on its way."""
+    figure, axis = plt.subplots(figsize=(8, 3.2))
+    axis.plot(np.arange(1, len(losses) + 1), losses, color=style.BLUE)
+    axis.axhline(floor, color=style.RED, linestyle=":")
+    axis.text(0, floor - 0.04, "what no network can avoid", color=style.RED, va="top")
+    for step, text in said.items():
+        axis.annotate(f'"{text}"', (step, losses[step - 1]), (6, 22), textcoords="offset points",
+                      ha="left" if step < 0.7 * len(losses) else "right",
+                      arrowprops={"arrowstyle": "-", "color": style.GREY})  # fmt: skip
+    axis.set(xlabel="update", ylabel="language loss", title=f'the clip shows "{truth}"',
+             ylim=(0, None))  # fmt: skip
+    return style.closed(figure)
+
+
+def film_attention(
+    weights: Float[np.ndarray, "heads N T"], tokens: Sequence[str], frames: int,
+    film: Mapping[int, np.ndarray],
+) -> Figure:  # fmt: skip
+    """Attention of each head and token under thumbnails of the clip.
+
+    Args:
+        frames: length of the clip; what follows is padding.
+        film: images by frame number.
+    """
+    heads, total = len(weights), weights.shape[2]
+    rows = [(h, n) for h in range(heads) for n in range(len(tokens))]
+    figure, (top, below) = plt.subplots(
+        2, 1, figsize=(9.2, 3.6), height_ratios=(1, 2.6), sharex=True
+    )
+    wide = frames / len(film)
+    for place, image in enumerate(film.values()):
+        top.imshow(image, extent=(place * wide, (place + 1) * wide, 0, 1), aspect="auto")
+    top.text((frames + total) / 2, 0.5, "padding: zeros", ha="center", va="center")
+    shown = np.stack([weights[h, n] for h, n in rows])
+    picture = below.imshow(shown, aspect="auto", cmap="Blues", vmin=0,
+                           extent=(0, total, len(rows), 0))  # fmt: skip
+    below.set_yticks(np.arange(len(rows)) + 0.5,
+                     [f"head {h + 1}, {tokens[n]}" for h, n in rows])  # fmt: skip
+    for axis in (top, below):
+        axis.axvline(frames, color=style.RED, linestyle=":")
+        axis.set_xlim(0, total)
+        axis.grid(False)
+    top.set_yticks([])
+    below.set_xlabel("frame")
+    figure.colorbar(picture, ax=below, label="weight")
+    return style.closed(figure)
+
+
+def ruler(knows: Mapping[str, float], taken: Mapping[str, float]) -> Figure:
+    """NRMSE of references above one line, of a model and its controls below it.
+
+    Args:
+        knows: references, by what they know.
+        taken: the model as trained, and with inputs taken away.
+    """
+    figure, axis = plt.subplots(figsize=(8.6, 4.4))
+    axis.axhline(0, color=style.GREY, linewidth=1)
+    for side, rows, colour in ((1, knows, style.GREY), (-1, taken, style.BLUE)):
+        for level, (name, value) in enumerate(sorted(rows.items(), key=lambda row: -row[1])):
+            height = side * (0.6 + 0.55 * level)
+            axis.plot([value, value], [0, height], color=colour, linewidth=0.8)
+            axis.plot(value, 0, "o", color=colour)
+            right = value > 0.6 * max(*knows.values(), *taken.values())
+            axis.text(value, height, f"  {name}, {value:.1f} %  ", color=colour, va="center",
+                      ha="right" if right else "left")  # fmt: skip
+    tallest = 0.9 + 0.55 * max(len(knows), len(taken))
+    axis.text(0, tallest, "without a network", weight="bold", color=style.GREY)
+    axis.text(0, -tallest, "PTAE, execute", weight="bold", color=style.BLUE)
+    axis.set(xlabel="NRMSE, % of each joint's range", ylim=(-tallest - 0.3, tallest + 0.4),
+             xlim=(0, None), yticks=[])  # fmt: skip
+    axis.spines["left"].set_visible(False)
+    axis.grid(axis="y", visible=False)
+    return style.closed(figure)
