@@ -1,13 +1,18 @@
 """What chapter 03 says of the family, held against the stored tables."""
 
+import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 from ptae_lite import artefacts
 from ptae_lite.baselines import references
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
+from ptae_lite.data.signals import Source, build, signal_number
 from ptae_lite.experiments import family
+from ptae_lite.language import VOCABULARY
+from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import MARGIN
 
@@ -262,3 +267,30 @@ def test_the_stored_references_are_those_of_the_recording():
     now = references(samples, fit_scaling(samples, samples.split("train")))
     for name, (error, _) in now.items():
         assert stored[f"reference_{name.replace(' ', '_')}"] == pytest.approx(error, abs=0.002)
+
+
+def test_zeros_behind_a_clip_decide_the_speed_word():
+    """The verdict of "Where is the time?", of the model that the page asks."""
+    samples = load_samples("recording")
+    ptae = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
+    source, test = Source(ptae.dataset(samples)), samples.split("test")
+
+    model, describe = ptae.model, signal_number("describe")
+
+    def fast(indices, change):
+        indices = torch.from_numpy(indices)
+        batch = build(source, indices, torch.full_like(indices, describe), 0 * indices)
+        words = model.words_in(batch.tokens, batch.token_mask).float()
+        keys = change(batch.keys)
+        with torch.no_grad():
+            there = torch.ones(keys.shape[:2], dtype=torch.bool)
+            code, _ = model.encoder(words, batch.token_mask, keys, there)
+            third = model.language(code, 4)[:, 2].argmax(1)
+        return np.mean([VOCABULARY[word] in ("fast", "quickly") for word in third.tolist()])
+
+    def padded(keys):
+        return torch.cat([keys[:, ::2], torch.zeros_like(keys[:, ::2])], dim=1)
+
+    slow, quick = test[samples.frames[test] == 100], test[samples.frames[test] == 50]
+    assert fast(slow, lambda keys: keys[:, ::2]) < 0.05 and fast(slow, padded) > 0.95
+    assert fast(quick, lambda keys: keys[:, :50]) < 0.05

@@ -59,7 +59,7 @@ def wiring(film: Sequence[np.ndarray], text: str) -> Figure:
         text: its sentence.
     """
     columns = ("query", "keys", "decoder's video", "answers words", "answers joints")
-    figure, axes = plt.subplots(4, 5, figsize=(9.5, 4.2), width_ratios=(1.2, 2, 2, 1, 1))
+    figure, axes = plt.subplots(4, 5, figsize=(9.5, 3.4), width_ratios=(1.2, 2, 2, 1, 1))
     choose = {"clip": list(film), "first": [film[0]] * len(film), "last": [film[-1]] * len(film)}
     words = {"eos": "(nothing)", "sentence": text.replace(" ", "\n")}
     for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
@@ -73,6 +73,7 @@ def wiring(film: Sequence[np.ndarray], text: str) -> Figure:
         moves = "the motion" if wires.joints == "clip" else "hold still"
         row[4].text(0.5, 0.5, moves, ha="center", va="center")
         for axis in row:
+            axis.set_anchor("N")
             axis.set(xticks=[], yticks=[])
             axis.grid(False)
             axis.spines[:].set_visible(False)
@@ -86,7 +87,7 @@ def bars(rows: Mapping[str, float], label: str, chance: float | None = None) -> 
     figure, axis = plt.subplots(figsize=(7, 0.38 * len(rows) + 0.7))
     axis.barh(range(len(rows)), rows.values(), color=style.BLUE, height=0.6)
     for y, value in enumerate(rows.values()):
-        axis.text(min(value, 100) + 1, y, f"{value:.0f} %", va="center")
+        axis.text(min(value, 100) + 1, y, f"{value:.1f} %".replace(".0", ""), va="center")
     if chance is not None:
         axis.axvline(chance, color=style.RED, linestyle=":")
     axis.set_yticks(range(len(rows)), rows)
@@ -121,7 +122,7 @@ def learning(losses: Sequence[float], floor: float, said: Mapping[int, str], tru
                       ha="left" if step < 0.7 * len(losses) else "right",
                       arrowprops={"arrowstyle": "-", "color": style.GREY})  # fmt: skip
     axis.set(xlabel="update", ylabel="language loss", title=f'the clip shows "{truth}"',
-             ylim=(0, None))  # fmt: skip
+             ylim=(0, 1.25 * max(losses)))  # fmt: skip
     return style.closed(figure)
 
 
@@ -147,6 +148,10 @@ def film_attention(
     shown = np.stack([weights[h, n] for h, n in rows])
     picture = below.imshow(shown, aspect="auto", cmap="Blues", vmin=0,
                            extent=(0, total, len(rows), 0))  # fmt: skip
+    for y, behind in enumerate(shown[:, frames:].sum(1)):
+        if behind > 0.05:
+            below.text((frames + total) / 2, y + 0.5, f"{100 * behind:.0f} % of the weight",
+                       ha="center", va="center")  # fmt: skip
     below.set_yticks(np.arange(len(rows)) + 0.5,
                      [f"head {h + 1}, {tokens[n]}" for h, n in rows])  # fmt: skip
     for axis in (top, below):
