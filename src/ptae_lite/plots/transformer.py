@@ -51,22 +51,23 @@ def network() -> Figure:
     return style.closed(figure)
 
 
-def wiring(film: Sequence[np.ndarray], text: str) -> Figure:
+def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
     """What each signal of PTAE sees and must answer, as pictures.
 
     Args:
-        film: some images of a clip, in order.
+        shots: some images of a clip, in order.
         text: its sentence.
     """
     columns = ("query", "keys", "decoder's video", "answers words", "answers joints")
     figure, axes = plt.subplots(4, 5, figsize=(9.5, 3.4), width_ratios=(1.2, 2, 2, 1, 1))
-    choose = {"clip": list(film), "first": [film[0]] * len(film), "last": [film[-1]] * len(film)}
+    first, last = [shots[0]] * len(shots), [shots[-1]] * len(shots)
+    choose = {"clip": list(shots), "first": first, "last": last}
     words = {"eos": "(nothing)", "sentence": text.replace(" ", "\n")}
     for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
         wires = signals.WIRING[signal]
-        told = text.replace(" ", "\n") if wires.query == "sentence" else ""
+        query = text.replace(" ", "\n") if wires.query == "sentence" else ""
         row[0].text(0.5, 0.95, signal, ha="center", va="top", weight="bold", color=style.BLUE)
-        row[0].text(0.5, 0.7, told, ha="center", va="top")
+        row[0].text(0.5, 0.7, query, ha="center", va="top")
         row[1].imshow(np.hstack(choose[wires.keys]))
         row[2].imshow(np.hstack(choose[wires.video]))
         row[3].text(0.5, 0.5, words[wires.words], ha="center", va="center")
@@ -126,23 +127,23 @@ def learning(losses: Sequence[float], floor: float, said: Mapping[int, str], tru
     return style.closed(figure)
 
 
-def film_attention(
+def clip_attention(
     weights: Float[np.ndarray, "heads N T"], tokens: Sequence[str], frames: int,
-    film: Mapping[int, np.ndarray],
+    shots: Mapping[int, np.ndarray],
 ) -> Figure:  # fmt: skip
     """Attention of each head and token under thumbnails of the clip.
 
     Args:
         frames: length of the clip; what follows is padding.
-        film: images by frame number.
+        shots: images by frame number.
     """
     heads, total = len(weights), weights.shape[2]
     rows = [(h, n) for h in range(heads) for n in range(len(tokens))]
     figure, (top, below) = plt.subplots(
         2, 1, figsize=(9.2, 3.6), height_ratios=(1, 2.6), sharex=True
     )
-    wide = frames / len(film)
-    for place, image in enumerate(film.values()):
+    wide = frames / len(shots)
+    for place, image in enumerate(shots.values()):
         top.imshow(image, extent=(place * wide, (place + 1) * wide, 0, 1), aspect="auto")
     top.text((frames + total) / 2, 0.5, "padding: zeros", ha="center", va="center")
     shown = np.stack([weights[h, n] for h, n in rows])
