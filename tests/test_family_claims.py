@@ -5,13 +5,14 @@ import pandas as pd
 import pytest
 import torch
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, evaluation
 from ptae_lite.baselines import references
+from ptae_lite.data.frames import video_patterns
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.data.signals import Source, build, signal_number
-from ptae_lite.experiments import family
-from ptae_lite.language import VOCABULARY
+from ptae_lite.experiments import family, incongruence
+from ptae_lite.language import VOCABULARY, decode, patterns, sentence
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import MARGIN
@@ -269,28 +270,102 @@ def test_the_stored_references_are_those_of_the_recording():
         assert stored[f"reference_{name.replace(' ', '_')}"] == pytest.approx(error, abs=0.002)
 
 
-def test_zeros_behind_a_clip_decide_the_speed_word():
-    """The verdict of "Where is the time?", of the model that the page asks."""
+@pytest.fixture(scope="module")
+def asked():
+    """The model that the pages ask, the recording, its source for the model, the test samples."""
     samples = load_samples("recording")
     ptae = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
-    source, test = Source(ptae.dataset(samples)), samples.split("test")
+    return ptae, samples, Source(ptae.dataset(samples)), samples.split("test")
 
-    model, describe = ptae.model, signal_number("describe")
+
+def describing(source, indices):
+    indices = torch.as_tensor(indices)
+    return build(source, indices, torch.full_like(indices, signal_number("describe")), 0 * indices)
+
+
+def padded(keys):
+    return torch.cat([keys[:, ::2], torch.zeros_like(keys[:, ::2])], dim=1)
+
+
+@torch.no_grad()
+def code(ptae, source, indices, change):
+    batch = describing(source, indices)
+    keys = change(batch.keys)
+    words = ptae.model.words_in(batch.tokens, batch.token_mask).float()
+    there = torch.ones(keys.shape[:2], dtype=torch.bool)
+    return ptae.model.encoder(words, batch.token_mask, keys, there)[0]
+
+
+def test_zeros_behind_a_clip_decide_the_speed_word(asked):
+    """The verdict of "Where is the time?", of the model that the page asks."""
+    ptae, samples, source, test = asked
 
     def fast(indices, change):
-        indices = torch.from_numpy(indices)
-        batch = build(source, indices, torch.full_like(indices, describe), 0 * indices)
-        words = model.words_in(batch.tokens, batch.token_mask).float()
-        keys = change(batch.keys)
         with torch.no_grad():
-            there = torch.ones(keys.shape[:2], dtype=torch.bool)
-            code, _ = model.encoder(words, batch.token_mask, keys, there)
-            third = model.language(code, 4)[:, 2].argmax(1)
+            third = ptae.model.language(code(ptae, source, indices, change), 4)[:, 2].argmax(1)
         return np.mean([VOCABULARY[word] in ("fast", "quickly") for word in third.tolist()])
-
-    def padded(keys):
-        return torch.cat([keys[:, ::2], torch.zeros_like(keys[:, ::2])], dim=1)
 
     slow, quick = test[samples.frames[test] == 100], test[samples.frames[test] == 50]
     assert fast(slow, lambda keys: keys[:, ::2]) < 0.05 and fast(slow, padded) > 0.95
     assert fast(quick, lambda keys: keys[:, :50]) < 0.05
+
+
+def test_the_code_moves_with_the_zeros_and_hardly_with_the_frames(asked):
+    ptae, samples, source, test = asked
+    slow = test[samples.frames[test] == 100]
+    whole = code(ptae, source, slow, lambda keys: keys)
+    far = (whole - code(ptae, source, slow, padded)).norm(dim=1).mean()
+    near = (whole - code(ptae, source, slow, lambda keys: keys[:, ::2])).norm(dim=1).mean()
+    assert far > 10 * near
+
+
+def test_what_is_described_wrongly_is_a_colour_of_a_rare_pair(asked):
+    ptae, samples, source, test = asked
+    answer = evaluation.respond(ptae, source, test, "describe")
+    wrong = test[~evaluation.correct(answer, samples, test)]
+    right = evaluation.word_accuracy(answer, samples, test)
+    assert len(wrong) and right["action_accuracy"] == right["speed_accuracy"] == 100
+    shown = pd.Series([p.arrangement for p in patterns() if p.split == "train"]).value_counts()
+    for index in samples.pattern[wrong]:
+        assert shown[patterns()[index].arrangement] == shown.min()
+
+
+def test_heads_look_at_home_at_the_stroke_and_at_the_padding(asked):
+    """Of the clip in figure 3.8, and of the words in figure 2 of "A small error, taken apart"."""
+    ptae, samples, source, test = asked
+    look = evaluation.respond(ptae, source, [6 * video_patterns()[6]], "describe").attention[0]
+    assert look[:, 0, :10].sum(1).max() > 0.5 and look[:, 0, 25:50].sum(1).max() > 0.5
+    assert look[:, 1, 50:].sum(1).max() > 0.95
+    fast = next(i for i in test if samples.frames[i] == 50)
+    text = sentence(patterns()[samples.pattern[fast]].meaning)
+    whole = incongruence.disturb_language(describing(source, [fast]), [text])
+    with torch.no_grad():
+        weights = ptae.model.encode(whole)[1][0]
+    on_zeros = weights[:, 2:5, 50:].sum(2)  # action, colour, speed
+    assert ((on_zeros[:, 2] > 0.9) & (on_zeros[:, :2].max(1).values < 0.1)).any()
+    assert weights[:, 2:4, 10:25].sum(2).min(1).values.max() > 0.4
+
+
+def test_of_the_words_of_execute_only_the_action_word_matters(asked, rows):
+    ptae, samples, source, test = asked
+
+    def error(aspect):
+        rng = np.random.default_rng(0)
+
+        def change(batch):
+            texts = [
+                incongruence.false_sentence(decode(row[2:].tolist()), (aspect,), rng)
+                for row in batch.tokens
+            ]
+            return incongruence.disturb_language(batch, texts)
+
+        answer = evaluation.respond(ptae, source, test, "execute", change=change)
+        return evaluation.nrmse(
+            evaluation.poses(answer, ptae.scaling), samples, test, ptae.scaling
+        )[0]
+
+    own = rows[(rows["variant"] == "PTAE") & (rows["seed"] == 0)].iloc[0]
+    assert own["execute_sentences_shuffled"] > 1.2 * own["execute_nrmse"]
+    assert own["execute_sentence_blanked"] > own["execute_sentences_shuffled"]
+    assert error("action") > own["execute_sentence_blanked"]
+    assert error("colour") < 1.05 * own["execute_nrmse"]

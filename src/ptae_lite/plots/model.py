@@ -6,6 +6,8 @@ of a cell.
 
 from __future__ import annotations
 
+import textwrap
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
@@ -98,9 +100,13 @@ def learning_curve(history: Float[np.ndarray, "epochs 2"], title: str = "") -> F
     return style.closed(figure)
 
 
-def family() -> Figure:
-    """PRAE, PVAE, PGAE and PTAE as block diagrams."""
-    figure, axes = plt.subplots(2, 2, figsize=(9.5, 5.2))
+def family(sizes: dict[str, int] | None = None) -> Figure:
+    """PRAE, PVAE, PGAE and PTAE as block diagrams.
+
+    Args:
+        sizes: number of parameters of each, to be written beside its name.
+    """
+    figure, axes = plt.subplots(2, 2, figsize=(8.2, 5.4))
     for axis, (name, (boxes, arrows, sentence)) in zip(axes.flat, FAMILY.items(), strict=True):
         signal = "\n+ signal" if name in ("PGAE", "PTAE") else ""
         ends = [(0, 1, f"words{signal}", WORDS), (0, 0, "video,\njoints", CLIP),
@@ -119,11 +125,13 @@ def family() -> Figure:
                 (x - 0.3, y - 0.13), 0.6, 0.26, boxstyle="round,pad=0.02",
                 facecolor=colour, alpha=0.3 if 0 < x < 3 else 0.12, edgecolor=style.GREY,
             ))  # fmt: skip
-            axis.text(x, y, text, ha="center", va="center", fontsize=7.5)
-        axis.set(xlim=(-0.45, 3.45), ylim=(-0.55, 1.35))
+            axis.text(x, y, text, ha="center", va="center", fontsize=8.5)
+        axis.set(xlim=(-0.45, 3.45), ylim=(-0.65, 1.35))
         axis.axis("off")
         axis.set_title(name, weight="bold", loc="left")
-        axis.text(1.5, -0.42, sentence, ha="center", fontsize=8, color=style.GREY)
+        if sizes:
+            axis.set_title(f"{sizes[name]:,} parameters", loc="right", fontsize=9)
+        axis.text(1.5, -0.3, textwrap.fill(sentence, 45), ha="center", va="top", color=style.GREY)
     return style.closed(figure)
 
 

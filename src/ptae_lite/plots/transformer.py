@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
@@ -58,21 +59,21 @@ def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
         shots: some images of a clip, in order.
         text: its sentence.
     """
-    columns = ("query", "keys", "decoder's video", "answers words", "answers joints")
-    figure, axes = plt.subplots(4, 5, figsize=(9.5, 3.4), width_ratios=(1.2, 2, 2, 1, 1))
+    columns = ("query", "keys", "decoder's video", "words out", "joints out")
+    figure, axes = plt.subplots(4, 5, figsize=(7.4, 3.8), width_ratios=(1.1, 2, 2, 0.7, 0.9))
     first, last = [shots[0]] * len(shots), [shots[-1]] * len(shots)
     choose = {"clip": list(shots), "first": first, "last": last}
     words = {"eos": "(nothing)", "sentence": text.replace(" ", "\n")}
     for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
         wires = signals.WIRING[signal]
         query = text.replace(" ", "\n") if wires.query == "sentence" else ""
-        row[0].text(0.5, 0.95, signal, ha="center", va="top", weight="bold", color=style.BLUE)
-        row[0].text(0.5, 0.7, query, ha="center", va="top")
+        row[0].text(0.5, 1, signal, ha="center", va="top", weight="bold", color=style.BLUE)
+        row[0].text(0.5, 0.8, query, ha="center", va="top")
         row[1].imshow(np.hstack(choose[wires.keys]))
         row[2].imshow(np.hstack(choose[wires.video]))
-        row[3].text(0.5, 0.5, words[wires.words], ha="center", va="center")
+        row[3].text(0.5, 1, words[wires.words], ha="center", va="top")
         moves = "the motion" if wires.joints == "clip" else "hold still"
-        row[4].text(0.5, 0.5, moves, ha="center", va="center")
+        row[4].text(0.5, 1, moves, ha="center", va="top")
         for axis in row:
             axis.set_anchor("N")
             axis.set(xticks=[], yticks=[])
@@ -114,16 +115,19 @@ def weighing(weights: Float[np.ndarray, "N T"]) -> Figure:
 
 def learning(losses: Sequence[float], floor: float, said: Mapping[int, str], truth: str) -> Figure:
     """The language loss by step, its floor, and what the network says of one clip on its way."""
-    figure, axis = plt.subplots(figsize=(8, 3.2))
+    figure, axis = plt.subplots(figsize=(7.4, 3.6))
     axis.plot(np.arange(1, len(losses) + 1), losses, color=style.BLUE)
     axis.axhline(floor, color=style.RED, linestyle=":")
     axis.text(0, floor - 0.04, "what no network can avoid", color=style.RED, va="top")
-    for step, text in said.items():
-        axis.annotate(f'"{text}"', (step, losses[step - 1]), (6, 22), textcoords="offset points",
-                      ha="left" if step < 0.7 * len(losses) else "right",
-                      arrowprops={"arrowstyle": "-", "color": style.GREY})  # fmt: skip
+    top = max(losses)
+    for place, (step, text) in enumerate(said.items()):  # each on a line of its own
+        height = top * (1.5 - 0.13 * place)
+        axis.plot([step, step], [losses[step - 1], height], color=style.GREY, linewidth=0.8)
+        axis.plot(step, losses[step - 1], "o", color=style.BLUE, markersize=4)
+        left = step < 0.6 * len(losses)
+        axis.text(step, height, f'  "{text}"  ', va="center", ha="left" if left else "right")
     axis.set(xlabel="update", ylabel="language loss", title=f'the clip shows "{truth}"',
-             ylim=(0, 1.25 * max(losses)))  # fmt: skip
+             ylim=(0, 1.6 * top))  # fmt: skip
     return style.closed(figure)
 
 
@@ -189,4 +193,26 @@ def ruler(knows: Mapping[str, float], taken: Mapping[str, float]) -> Figure:
              xlim=(0, None), yticks=[])  # fmt: skip
     axis.spines["left"].set_visible(False)
     axis.grid(axis="y", visible=False)
+    return style.closed(figure)
+
+
+def reaching(reached: pd.DataFrame) -> Figure:
+    """When describe accuracy came to stay at some levels: a dot for each seed, level and variant.
+
+    Args:
+        reached: `updates_to` of two variants, with the percentage asked for as `level`.
+    """
+    levels, variants = reached["level"].unique().tolist(), sorted(reached["variant"].unique())
+    looks = ((0.15, "s", style.ORANGE), (-0.15, "o", style.BLUE))
+    figure, axes = plt.subplots(1, 2, figsize=(7.4, 0.5 * len(levels) + 1.2), sharey=True)
+    for axis, column in zip(axes, ("updates", "seconds"), strict=True):
+        for (shift, marker, colour), name in zip(looks, variants, strict=True):
+            rows = reached[reached["variant"] == name]
+            axis.plot(rows[column], rows["level"].map(levels.index) + shift, marker, color=colour,
+                      alpha=0.8, markersize=6, label=name)  # fmt: skip
+        axis.set(xlabel="updates" if column == "updates" else "seconds of one core", xlim=(0, None))
+        axis.locator_params(axis="x", nbins=6)
+    axes[0].set_yticks(range(len(levels)), [f"{level} %" for level in levels])
+    axes[0].set(ylim=(len(levels) - 0.5, -0.5), ylabel="describe stays at")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return style.closed(figure)
