@@ -74,7 +74,7 @@ def attention_map(
     Args:
         frames: clip length; a dotted line marks it.
     """
-    figure, axes = plt.subplots(1, len(weights), figsize=(9.5, 1.7), sharey=True)
+    figure, axes = plt.subplots(1, len(weights), figsize=(8.2, 2), sharey=True)
     for head, axis in enumerate(axes):
         picture = axis.imshow(
             weights[head, : len(tokens)], aspect="auto", cmap="viridis", vmin=0, vmax=weights.max()

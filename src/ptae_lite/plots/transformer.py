@@ -143,9 +143,7 @@ def clip_attention(
     """
     heads, total = len(weights), weights.shape[2]
     rows = [(h, n) for h in range(heads) for n in range(len(tokens))]
-    figure, (top, below) = plt.subplots(
-        2, 1, figsize=(9.2, 3.6), height_ratios=(1, 2.6), sharex=True
-    )
+    figure, (top, below) = plt.subplots(2, 1, figsize=(8, 3.8), height_ratios=(1, 2.6), sharex=True)
     wide = frames / len(shots)
     for place, image in enumerate(shots.values()):
         top.imshow(image, extent=(place * wide, (place + 1) * wide, 0, 1), aspect="auto")
