@@ -48,7 +48,7 @@ JOBS = {  # the name of each, what does it, and its line in the help
     "doctor": (DOCTOR, "what is wrong here, and the command that mends it; installs nothing"),
     "certify": ("ptae_lite.reproduce.certificate", "run the chapters, and write what came out"),
     "full": ("ptae_lite.reproduce.pipeline", "make everything anew, and compare it with data/"),
-    "course": ("ptae_lite.book.course", "write the exercises for students and instructors"),
+    "course": ("ptae_lite.book.course", "write exercises, slides, an exam and their answers"),
 }
 LAB = ("--ip=127.0.0.1", "--ServerApp.root_dir=book")  # reachable from this machine only
 

@@ -10,7 +10,7 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook
 
-from ptae_lite.book import chapters, contents, course, notebooks
+from ptae_lite.book import chapters, contents, exercises, notebooks
 from ptae_lite.errors import ArtefactError
 from ptae_lite.reproduce import fingerprints
 
@@ -109,7 +109,7 @@ def test_nothing_that_counts_chapters_counts_a_copy(book):
     shutil.copytree(BOOK / "exercises", sheets)
     shutil.copy(sheets / "01_simulation.md", sheets / "01_one.md")
     shutil.copy(sheets / "01_simulation.md", sheets / "01_one-Copy1.md")
-    assert [sheet.name for sheet in course.sheets(sheets)] == ["01_one"]
+    assert [sheet.name for sheet in exercises.sheets(sheets)] == ["01_one"]
 
 
 def test_the_notebooks_of_the_chapters_alone_are_written(book, monkeypatch, capsys):

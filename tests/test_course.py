@@ -18,7 +18,7 @@ from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_n
 from wrong_answers import ODD, WRONG
 
 from ptae_lite import artefacts, baselines, evaluation, language
-from ptae_lite.book import course, exercise_check
+from ptae_lite.book import course, exercise_check, exercises, outcomes
 from ptae_lite.book.chapters import chapter_files
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
@@ -29,7 +29,7 @@ from ptae_lite.widgets.panels import Panel
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "book" / "exercises"
-SHEETS = course.sheets(FOLDER)
+SHEETS = exercises.sheets(FOLDER)
 NAMES = [sheet.name for sheet in SHEETS]
 CODE = [(s.name, one.number) for s in SHEETS for one in s.exercises if one.kind == "Write code"]
 PANELS = [(s.name, one.number) for s in SHEETS for one in s.exercises if one.kind == "Move a panel"]
@@ -65,7 +65,7 @@ class Played:
             self.cell(cell, names, seed)
         for one in sheet.exercises:
             for cell in one.cells:
-                tags = course.tags(cell)
+                tags = exercises.tags(cell)
                 if cell.cell_type == "code" and "answer" in tags:
                     self.before[one.number] = dict(names)
                 if "mistake" not in tags:
@@ -77,7 +77,7 @@ class Played:
     @staticmethod
     def cell(cell, names, seed):
         if cell.cell_type == "code":
-            return run(cell.source.replace(course.SEED, f"SEED = {seed}"), names)
+            return run(cell.source.replace(exercises.SEED, f"SEED = {seed}"), names)
 
     def says(self, number, source):
         """What the check of an exercise says of a cell in the answer's place."""
@@ -125,13 +125,13 @@ def test_every_chapter_has_two_or_three_exercises_and_every_kind_occurs():
     assert set(NAMES) <= set(chapters)
     assert set(chapters[:7]) <= set(NAMES)
     assert all(2 <= len(sheet.exercises) <= 3 for sheet in SHEETS)
-    assert {one.kind for sheet in SHEETS for one in sheet.exercises} == set(course.KINDS)
+    assert {one.kind for sheet in SHEETS for one in sheet.exercises} == set(exercises.KINDS)
 
 
 @each(CODE)
 def test_the_stub_fails_and_the_answer_passes(play, number):
     (answer,) = play.exercises[number].tagged("answer")
-    assert play.says(number, course.stub(answer)) == exercise_check.UNWRITTEN
+    assert play.says(number, exercises.stub(answer)) == exercise_check.UNWRITTEN
     assert play.says(number, answer.source) == "Right."
 
 
@@ -187,7 +187,7 @@ def test_another_seed_draws_a_panel_at_its_start(play, number):
 @pytest.mark.parametrize("student", [True, False])
 @pytest.mark.parametrize("name", NAMES)
 def test_the_notebooks_keep_the_rules_of_chapters(name, student):
-    made = course.notebook(SHEETS[NAMES.index(name)], student=student)
+    made = exercises.notebook(SHEETS[NAMES.index(name)], student=student)
     nbformat.validate(made)
     for rule in (cells_are_short, no_machine_paths, no_addresses, no_network):
         assert list(rule(made)) == []
@@ -460,7 +460,8 @@ def folder(tmp_path):
     (made / "09_x.md").write_text(GOOD, encoding="utf-8")
     named = "```{toctree}\n:caption: Chapters\n\n09_x\n```\n"
     (made.parent / "index.md").write_text(named, encoding="utf-8")
-    (made / course.FRONT_PAGE).write_text("# For the teacher\n", encoding="utf-8")
+    for name in course.FOR_TEACHERS:
+        (made / name).write_text("# For the teacher\n", encoding="utf-8")
     return made
 
 
@@ -485,7 +486,7 @@ def test_a_source_that_breaks_a_rule_is_refused(folder, old, new, complaint):
     assert old in GOOD
     (folder / "09_x.md").write_text(GOOD.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(ArtefactError, match=re.escape(complaint)) as stop:
-        course.sheets(folder)
+        exercises.sheets(folder)
     assert "09_x.md" in str(stop.value) and "\n" not in str(stop.value)
 
 
@@ -493,19 +494,19 @@ def test_a_panel_exercise_needs_a_panel(folder):
     text = GOOD.split("```{code-cell} ipython3\n:tags: [answer]")[0] + GOOD[GOOD.index("+++ {") :]
     (folder / "09_x.md").write_text(text.replace("Write code", "Move a panel"), encoding="utf-8")
     with pytest.raises(ArtefactError, match="no Panel in it"):
-        course.sheets(folder)
+        exercises.sheets(folder)
 
 
 # ---------------------------------------------------------------- the two versions
 
 
 def test_students_see_stubs_and_neither_answers_nor_mistakes(folder):
-    (sheet,) = course.sheets(folder)
-    student, instructor = (course.notebook(sheet, student=s, seed=7) for s in (True, False))
+    (sheet,) = exercises.sheets(folder)
+    student, instructor = (exercises.notebook(sheet, student=s, seed=7) for s in (True, False))
     text = "\n".join(cell.source for cell in student.cells)
     assert "Secret" not in text and "x + 1\n" not in text and "return x" not in text
     assert '    """x + 1"""\n    # YOUR CODE HERE\n    raise NotImplementedError()' in text
-    assert text.endswith(course.TEXT_STUB) and "SEED = 7" in text and "SEED = 0" not in text
+    assert text.endswith(exercises.TEXT_STUB) and "SEED = 7" in text and "SEED = 0" not in text
     teacher = "\n".join(cell.source for cell in instructor.cells)
     assert "Secret" in teacher and "return x + 1" in teacher and "return x - 1" not in teacher
     assert len(student.cells) == len(instructor.cells)
@@ -514,22 +515,22 @@ def test_students_see_stubs_and_neither_answers_nor_mistakes(folder):
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_of_an_answer_is_left_to_students(name):
     sheet = SHEETS[NAMES.index(name)]
-    text = "\n".join(c.source for c in course.notebook(sheet, student=True).cells)
-    for part in (*course.PARTS, course.BEGIN, course.END):
+    text = "\n".join(c.source for c in exercises.notebook(sheet, student=True).cells)
+    for part in (*exercises.PARTS, exercises.BEGIN, exercises.END):
         assert part not in text
     for one in sheet.exercises:
         for cell in one.tagged("answer"):
-            solution = cell.source.split(course.BEGIN)[1].split(course.END)[0].strip()
+            solution = cell.source.split(exercises.BEGIN)[1].split(exercises.END)[0].strip()
             assert solution not in text
         assert all(cell.source not in text for cell in one.tagged("mistake"))
 
 
 def test_cells_are_marked_as_nbgrader_reads_them(folder):
-    (sheet,) = course.sheets(folder)
+    (sheet,) = exercises.sheets(folder)
     for student in (True, False):
         marks = {
             cell.metadata["nbgrader"]["grade_id"]: (cell.cell_type, cell.metadata["nbgrader"])
-            for cell in course.notebook(sheet, student=student).cells
+            for cell in exercises.notebook(sheet, student=student).cells
             if "nbgrader" in cell.metadata
         }
         found = {
@@ -545,11 +546,11 @@ def test_cells_are_marked_as_nbgrader_reads_them(folder):
 
 
 def test_students_can_neither_delete_an_answer_nor_change_a_check(folder):
-    (sheet,) = course.sheets(folder)
+    (sheet,) = exercises.sheets(folder)
     protected = {
         cell.metadata["nbgrader"]["grade_id"]: (cell.metadata.get("deletable", True),
                                                 cell.metadata.get("editable", True))
-        for cell in course.notebook(sheet, student=True).cells
+        for cell in exercises.notebook(sheet, student=True).cells
         if "nbgrader" in cell.metadata
     }  # fmt: skip
     assert protected == {
@@ -557,7 +558,7 @@ def test_students_can_neither_delete_an_answer_nor_change_a_check(folder):
         "exercise-9-1-check": (False, False),
         "exercise-9-1-words": (False, True),
     }
-    for cell in course.notebook(sheet, student=False).cells:
+    for cell in exercises.notebook(sheet, student=False).cells:
         assert not {"deletable", "editable"} & set(cell.metadata)  # a teacher works on them
 
 
@@ -565,7 +566,7 @@ def test_the_same_source_gives_the_same_bytes(folder, tmp_path):
     written = [course.write(tmp_path / name, folder) for name in ("one", "two")]
     names = [sorted(p.relative_to(tmp_path / n) for p in w)
              for n, w in zip(("one", "two"), written, strict=True)]  # fmt: skip
-    assert names[0] == names[1] and Path("instructor", course.FRONT_PAGE) in names[0]
+    assert names[0] == names[1] and Path("instructor", "exam.md") in names[0]
     for one, two in zip(*map(sorted, written), strict=True):
         assert one.read_bytes() == two.read_bytes()
 
@@ -594,7 +595,7 @@ def test_a_course_that_cannot_be_written_leaves_nothing(folder, tmp_path, monkey
 def test_the_command_says_what_it_did_or_why_not(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(folder.parent.parent)
     assert course.main([str(tmp_path / "out"), "--seed", "3"]) == 0
-    assert "wrote 3 files" in capsys.readouterr().out
+    assert "wrote 6 files" in capsys.readouterr().out
     assert course.main([str(tmp_path / "out")]) == 1
     assert "nothing was written" in capsys.readouterr().err
     (folder / "09_x.md").unlink()
@@ -603,7 +604,7 @@ def test_the_command_says_what_it_did_or_why_not(folder, tmp_path, monkeypatch, 
 
 
 def test_the_courses_page_lists_every_exercise():
-    html = course.Table(FOLDER)._repr_html_()
+    html = outcomes.Exercises(FOLDER)._repr_html_()
     for sheet in SHEETS:
         for one in sheet.exercises:
             assert f"<td>{one.number}</td>" in html and f"<td>{one.minutes}</td>" in html

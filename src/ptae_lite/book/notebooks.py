@@ -56,10 +56,14 @@ def read(md: Path) -> NotebookNode:
     return jupytext.read(md, fmt="md:myst")
 
 
-def execute(notebook: NotebookNode, folder: Path) -> None:
-    """Run every cell in `folder`, in the default tier whatever the environment says."""
+def execute(notebook: NotebookNode, folder: Path, *, static: bool = False) -> None:
+    """Run every cell in `folder`, in the default tier whatever the environment says.
+
+    Args:
+        static: for a page without a kernel, where panels hold all their pictures.
+    """
     env = {**os.environ, "PTAE_TIER": "replay", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
-    env["PTAE_STATIC"] = "0"  # a twin is for JupyterLab, whose kernel answers the sliders
+    env["PTAE_STATIC"] = str(int(static))  # in JupyterLab, a kernel answers the sliders
     env["SOURCE_DATE_EPOCH"] = "0"  # matplotlib writes this date into its SVG files
     # no time stamps, which differ in every run, and no widget state, which nothing reads later
     options = {"timeout": TIMEOUT_S, "record_timing": False, "store_widget_state": False}

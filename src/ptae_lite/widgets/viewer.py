@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import base64
 import html
+import importlib.util
 import io
 import json
 import zlib
@@ -192,7 +193,8 @@ def shared_script() -> bytes:
 @cache
 def _library() -> bytes:
     """meshcat's viewer, which contains three.js, with their licences."""
-    folder = files("meshcat") / "viewer"
+    # found and not imported: meshcat would import its server, which warns of an outdated name
+    folder = Path(importlib.util.find_spec("meshcat").origin).parent / "viewer"
     licence = (folder / "LICENSE").read_bytes()
     notices = (folder / "dist" / "main.min.js.LICENSE.txt").read_bytes()  # all of it is comments
     script = (folder / "dist" / "main.min.js").read_bytes()
