@@ -108,7 +108,7 @@ def card(name: str) -> dict[str, str]:
         "file": f"{name}, {entry['bytes'] / 1e6:.1f} MB",
         "input": of.into,
         "output": of.out,
-        "numbers": f"{sum(tensor.numel() for tensor in tensors.values()):,}",
+        "parameters": f"{sum(tensor.numel() for tensor in tensors.values()):,}",
         "made by": f"{entry['command']}; {made(entry)}",
         "recipe": ", ".join(
             f"{field.replace('_', ' ')} {_short(v)}" for field, v in recipe.items()

@@ -71,8 +71,14 @@ class Section:
 
 def as_html(text: str) -> str:
     """Markdown as HTML without links, which would lead out of the slides."""
-    text = _ROLE.sub(r"\1", numbers.COMMENT.sub("", text))
+    text = _ROLE.sub(_named, numbers.COMMENT.sub("", text))
     return _LINK.sub("", _MARKDOWN.render(text))
+
+
+def _named(role: re.Match) -> str:
+    """A role such as {doc}`01_simulation` in words."""
+    chapter = re.fullmatch(r"(\d\d)_\w+", role[1])
+    return f"chapter {chapter[1]}" if chapter else role[1].replace("_", " ")
 
 
 def blocks(text: str) -> Iterator[tuple[str, str]]:

@@ -82,6 +82,6 @@ def supervised_iterations(draw):
         "supervised iterations are not few labels.",
         (f"about {round(share * clips / 100)}", "takes few iterations for few labelled samples"),
         (f"about {clips // 2}", "guesses a half, where each clip has thousands of chances"),
-        ("none: the share is too small", "takes rare for never"),
+        ("none, since the share is too small", "takes rare for never"),
         share=share, clips=clips, epochs=epochs,
     )  # fmt: skip

@@ -19,7 +19,7 @@ def a_claim_with_a_rule(draw):
         verdict,
         f"The median is {ours[1]}, and the rule demands at least {paper - margin}.",
         (other, "judges by the best or the worst training, or forgets the margin"),
-        ("held, if the best seed is reported", "chooses the result after it is known"),
+        ("it depends on which of them is reported", "chooses the result after it is known"),
         ("it cannot be judged, because the trainings differ",
          "takes spread for a reason not to judge: the rule names the median"),
         paper=paper, margin=margin, low=ours[0], median=ours[1], high=ours[2],
