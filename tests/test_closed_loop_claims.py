@@ -6,7 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, baselines
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.experiments import closed_loop as study
 from ptae_lite.experiments import episodes
 from ptae_lite.language import MEANINGS, parse
@@ -67,7 +69,41 @@ def test_the_papers_ptae_fails_most_though_its_error_is_the_smallest(table, rate
     watching = ["noisy_video", "ptae", "watching_policy"]
     assert sorted(set(error[error < 2].index.get_level_values("model"))) == watching
     assert error[watching].max() < 2 and done.max()[watching].max() < 50
-    assert of(table, "ptae").query("success == 0")["reason"].mode()[0] == "the other cube was moved"
+    assert done.median()[watching].max() < done.median().drop(watching).min()
+    failed = of(table, "ptae").query("success == 0")["reason"].value_counts(normalize=True)
+    assert failed["the other cube was moved"] > 0.5
+
+
+def test_slow_tasks_fail_as_well_where_padding_does_no_harm(table):
+    slow = of(table, "ptae").query("speed == 'slowly'")
+    assert slow["success"].mean() < 0.5 and in_time(slow).mean() > 0.99
+
+
+def test_the_paper_s_ptae_is_nearer_to_no_sentence_than_to_replay(table, rates):
+    paper, blank = rates["test", "ptae"].median(), rates["blank", "one_look_policy"].median()
+    assert 0 < paper - blank < 0.2 * (100 - paper)
+    stored = episodes.load(artefacts.stored(f"results/{episodes.OF_PAPER}"))
+    done = {one.stage.colours: [] for one in stored}
+    for one in stored:
+        done[one.stage.colours].append(one.verdict.success)
+    assert sum(done["red", "green"]) < 4
+    at_start = [one for one in stored if one.instruction == "pull red slowly"]
+    assert [one.verdict.success for one in at_start] == [False]  # the chapter's panel begins there
+    assert [one.instruction for one in stored] == [one.instruction for one in episodes.load()]
+
+
+def test_a_frozen_video_harms_more_than_a_missing_sentence():
+    family = pd.read_csv(artefacts.stored("results/family.csv"))
+    own = family[(family["data"] == "recording") & (family["variant"] == "PTAE")].set_index("seed")
+    whole = own["execute_nrmse"]
+    assert (own["execute_video_frozen"] > 5 * whole).all()
+    assert (own["execute_sentence_blanked"] > own["execute_sentences_shuffled"]).all()
+    assert (own["execute_video_frozen"] > 2 * own["execute_sentence_blanked"]).all()
+    np.testing.assert_allclose(own["execute_speed_word_swapped"], whole, atol=0.05)
+    samples = load_samples("recording")
+    scaling = fit_scaling(samples, samples.split("train"))
+    mean_motion = baselines.references(samples, scaling)["mean trajectory"][0]
+    assert own["execute_video_frozen"].min() > mean_motion > own["execute_sentence_blanked"].max()
 
 
 def test_the_papers_ptae_does_no_fast_task(table):
@@ -84,6 +120,9 @@ def test_the_swapped_speed_word_is_obeyed(table):
 def test_what_fails_with_the_first_frame_is_mostly_the_speed(table):
     failed = of(table, "ptae_first_frame").query("success == 0")
     assert failed["reason"].value_counts(normalize=True)["the wrong speed"] > 0.5
+    wrong = [(of(table, model)["reason"] == "the other cube was moved").mean()
+             for model in ("ptae_first_frame", "ptae")]  # fmt: skip
+    assert wrong[0] < 0.25 * wrong[1]
 
 
 def test_with_the_first_frame_alone_the_error_ranks_trainings_and_not_models(rates, error):
@@ -119,10 +158,8 @@ def test_all_kinds_of_tasks_but_cyan_succeed_in_nine_of_ten(table):
 def test_new_families_are_confused_and_displaced_cubes_missed(table, rates):
     for condition in ("displaced", "new_family"):
         assert rates[condition, "one_look_policy"].median() < rates["test", "one_look_policy"].min()
-    new = of(table, "one_look_policy", "new_family").query("success == 0")["reason"].value_counts()
-    assert new.to_dict() == {
-        "the other cube was moved": 31, "the cube went too little that way": 7,
-    }  # fmt: skip
+    new = of(table, "one_look_policy", "new_family").query("success == 0")["reason"]
+    assert new.value_counts(normalize=True)["the other cube was moved"] > 0.7
     fell = of(table, "one_look_policy", "displaced")["reason"] == "the cube fell off the table"
     assert fell.sum() == 1
     done = table[table["success"] == 1]
@@ -173,14 +210,12 @@ def test_opened_eyes_do_not_beat_one_look(rates):
 def test_what_aggregated_fails_in_sits_in_a_few_patterns(table):
     rows = of(table, "dagger")
     failed = rows[rows["success"] == 0]
-    counts = failed.groupby(["seed", "reason"]).size()
     little, other = "the cube went too little that way", "the other cube was moved"
-    assert counts.to_dict() == {
-        (0, little): 1, (1, little): 19, (1, other): 10, (2, little): 19, (2, other): 7,
-    }  # fmt: skip
+    assert set(failed["reason"]) == {little, other}
+    assert failed["reason"].value_counts(normalize=True)[little] > 0.6
     assert in_time(rows).all() and (rows["duration"] < closed_loop.LIMIT).all()
     assert rows["pattern"].nunique() == 36
-    assert failed.groupby("seed")["pattern"].nunique().tolist() == [1, 8, 9]
+    assert failed.groupby("seed")["pattern"].nunique().max() <= 9
     for seed in (1, 2):
         whole = failed[failed["seed"] == seed]["pattern"].value_counts() == 6
         assert whole.sum() == 1
@@ -221,3 +256,5 @@ def test_meanings_come_back_when_the_camera_goes_on(table):
     slow = (back["speed"] == "slowly").to_numpy()
     assert not ended[slow].any() and ended[~slow].mean() > 0.75 and held.mean() > 0.85
     assert {parse(text) for text in back["sentence"][held.to_numpy()]} == set(MEANINGS)
+    told = [parse(text).speed for text in back["described"][slow] if len(text.split()) == 3]
+    assert told and set(told) == {"fast"}  # no slow act is described as slow

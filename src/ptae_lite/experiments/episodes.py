@@ -1,7 +1,8 @@
 """Episodes of the closed loop, stored for pages without a simulator.
 
-One file has an episode for each sentence about each of a few scenes. The other has rows of images
-of episodes in the table, three that succeeded and three that failed.
+Two files have an episode for each sentence about each of a few scenes: what the one-look policy
+did, and what the paper's PTAE did. The third has rows of images of episodes in the table, three
+that succeeded and three that failed.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
 
 EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
+OF_PAPER = "closed_loop_ptae_episodes.npz"  # the same scenes and sentences, acted by "ptae"
 FIRST_SEED = 10_000  # the seeds of the recording are smaller
 CHOSEN = "one_look_policy"  # the simplest model that works in the loop
 FRAMES_SHOWN = 5  # images of an episode
@@ -93,7 +95,7 @@ def write(path, kept: list[StoredEpisode]) -> None:
 
 
 def load(path=None) -> list[StoredEpisode]:
-    """The stored episodes."""
+    """The episodes of a file; of the one-look policy if None is given."""
     path, scenes, kept = path or artefacts.stored(f"results/{EPISODES}"), stages(), []
     with np.load(path, allow_pickle=False) as file:
         found = {name: file[name] for name in file.files}
@@ -149,19 +151,21 @@ def write_strips(path, rows: pd.DataFrame, models: list[Trained], encoder: nn.Mo
 
 
 def keep(folder, table: pd.DataFrame, samples: Samples, weights) -> None:
-    """Write the two files into a folder, each if it is missing and can be made.
+    """Write the three files into a folder, each if it is missing and can be made.
 
-    The episodes are those of the model `CHOSEN` with seed 0. The rows of images are six rows of the
-    table. Their models must be in the folder `weights`.
+    The episodes are those of the models `CHOSEN` and "ptae" with seed 0. The rows of images are
+    six rows of the table. Their models must be in the folder `weights`.
     """
 
     def model(name: str, seed: int) -> Trained | None:
         return runner.found(study.experiment_of(samples, name, int(seed)), weights)
 
-    instruction, strips = (Path(folder) / name for name in (EPISODES, STRIPS))
     encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
-    if not instruction.exists() and (mine := model(CHOSEN, 0)) is not None:
-        write(instruction, all_of(mine, encoder))
+    for file, name in ((EPISODES, CHOSEN), (OF_PAPER, "ptae")):
+        acted = Path(folder) / file
+        if not acted.exists() and (mine := model(name, 0)) is not None:
+            write(acted, all_of(mine, encoder))
+    strips = Path(folder) / STRIPS
     rows = strips_of(table, CHOSEN)
     if len(rows) == 6 and not strips.exists():
         models = [model(*one) for one in zip(rows["model"], rows["seed"], strict=True)]

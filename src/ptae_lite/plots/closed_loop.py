@@ -1,6 +1,8 @@
-"""Figures of the closed loop: success by model, success by joint error, and rows of images."""
+"""Figures of the closed loop: the loop, success by model and by joint error, how episodes end."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,6 +12,42 @@ from matplotlib.figure import Figure
 from ptae_lite import artefacts
 from ptae_lite.experiments.episodes import STRIPS
 from ptae_lite.plots import style
+
+ENDS = {  # how an episode ends, with its colour; what is not listed is "another reason"
+    "done": style.BLUE,
+    "the wrong speed": style.ORANGE,
+    "the cube went too little that way": "#B9B9B9",
+    "the other cube was moved": style.RED,
+}
+OTHER_END = ("another reason", "#555555")
+
+
+def loop() -> Figure:
+    """The loop of camera, network, motors and table, and where the recorded video came in."""
+    figure, axes = plt.subplots(figsize=(6.4, 2.7))
+    boxes = {
+        "camera": (0.12, 0.78), "image\nencoder": (0.37, 0.78), "action\ndecoder": (0.62, 0.78),
+        "motors": (0.62, 0.26), "arm and cubes\n(physics)": (0.12, 0.26),
+    }  # fmt: skip
+    for name, place in boxes.items():
+        axes.text(*place, name, ha="center", va="center",
+                  bbox={"boxstyle": "round,pad=0.45", "fc": "white", "ec": style.BLUE})  # fmt: skip
+    arrow = {"arrowstyle": "-|>", "color": style.BLUE, "lw": 1.6, "shrinkA": 0, "shrinkB": 0}
+    for start, end in (
+        ((0.185, 0.78), (0.30, 0.78)), ((0.44, 0.78), (0.55, 0.78)), ((0.62, 0.64), (0.62, 0.36)),
+        ((0.55, 0.26), (0.235, 0.26)), ((0.12, 0.41), (0.12, 0.68)),
+    ):  # fmt: skip
+        axes.annotate("", end, start, arrowprops=arrow)
+    axes.text(0.39, 0.29, "next joints", color=style.BLUE, ha="center", va="bottom")
+    axes.text(0.135, 0.53, "what the arm has done", color=style.BLUE, va="center")
+    axes.annotate("", (0.69, 0.78), (0.80, 0.78), arrowprops=arrow)
+    axes.text(0.81, 0.78, "code: sentence\nand first image", color=style.BLUE, va="center")
+    axes.annotate("", (0.665, 0.66), (0.80, 0.48),
+                  arrowprops=arrow | {"color": style.RED, "linestyle": "--"})  # fmt: skip
+    axes.text(0.81, 0.44, "chapter 03:\nvideo of the\nright motion", color=style.RED, va="center")
+    axes.set(xlim=(0, 1), ylim=(0.1, 0.95))
+    axes.set_axis_off()
+    return style.closed(figure)
 
 
 def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, float]) -> Figure:
@@ -34,17 +72,98 @@ def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, 
     return style.closed(figure)
 
 
-def error_against_success(rates: pd.DataFrame, scores: pd.DataFrame) -> Figure:
-    """Each training: its execute NRMSE as in chapter 03, and its success in the loop."""
+def error_against_success(
+    rates: pd.DataFrame, scores: pd.DataFrame, models: Mapping[str, str], left: tuple[str, ...] = ()
+) -> Figure:
+    """Each training: its execute NRMSE as in chapter 03, and its success in the loop.
+
+    Args:
+        rates: columns `model`, `seed` and `success` in percent.
+        scores: `model`, `seed` and `execute_nrmse`.
+        models: the models that are drawn, with the names beside their marks.
+        left: models whose names stand to the left.
+    """
     both = rates.merge(scores, on=["model", "seed"])
-    figure, axis = plt.subplots(figsize=(6.2, 3.2))
-    marks = "osD^vPX"
-    for (model, rows), mark in zip(both.groupby("model", sort=False), marks, strict=False):
-        axis.plot(rows["execute_nrmse"], rows["success"], mark, label=model.replace("_", " "),
-                  markersize=7)  # fmt: skip
+    figure, axis = plt.subplots(figsize=(6.4, 3.6))
+    colours = (style.RED, style.ORANGE, style.GREEN, style.BLUE, style.PURPLE, "black", style.GREY)
+    for (model, name), mark, colour in zip(models.items(), "osD^vPX", colours, strict=False):
+        rows = both[both["model"] == model].sort_values("execute_nrmse", ascending=model in left)
+        axis.plot(rows["execute_nrmse"], rows["success"], mark, color=colour, markersize=7)
+        last = rows.iloc[0]
+        way, side = (-8, "right") if model in left else (8, "left")
+        axis.annotate(name, (last["execute_nrmse"], last["success"]), (way, 0), color=colour,
+                      textcoords="offset points", va="center", ha=side)  # fmt: skip
     axis.set(xlabel="execute NRMSE as in chapter 03, %", ylabel="success in the loop, %",
-             xlim=(0, None), ylim=(-3, 104))  # fmt: skip
-    figure.legend(loc="outside right center", fontsize=8)
+             ylim=(-3, 104), xlim=(0, 1.28 * both["execute_nrmse"].max()))  # fmt: skip
+    return style.closed(figure)
+
+
+def endings(table: pd.DataFrame, models: Mapping[str, str]) -> Figure:
+    """How the episodes of each model ended: a bar of 100 % in parts.
+
+    Args:
+        table: a row an episode, with `model` and `reason`.
+        models: the models from top to bottom, with their labels.
+    """
+    rare, grey = OTHER_END
+    reasons = table["reason"].where(table["reason"].isin(list(ENDS)), rare)
+    shares = pd.crosstab(table["model"], reasons, normalize="index") * 100
+    figure, axis = plt.subplots(figsize=(6.4, 0.42 * len(models) + 1.25))
+    start = np.zeros(len(models))
+    for reason, colour in (ENDS | {rare: grey}).items():
+        if reason not in shares:
+            continue
+        part = shares[reason].reindex(list(models)).fillna(0).to_numpy()
+        bars = axis.barh(range(len(models)), part, left=start, height=0.66, color=colour,
+                         edgecolor="white", label=reason)  # fmt: skip
+        texts = [f"{share:.0f}" if share >= 6 else "" for share in part]
+        dark = colour in (style.ORANGE, "#B9B9B9")
+        axis.bar_label(bars, texts, label_type="center", color="black" if dark else "white")
+        start += part
+    axis.set_yticks(range(len(models)), models.values())
+    axis.set(xlim=(0, 100), ylim=(len(models) - 0.5, -0.5), xlabel="episodes, %")
+    axis.grid(visible=False)
+    figure.legend(loc="outside lower center", ncols=2)
+    return style.closed(figure)
+
+
+def seed_by_seed(panels: Mapping[str, pd.DataFrame], y_label: str) -> Figure:
+    """Lines that join the trainings of one seed: a panel for each table.
+
+    Args:
+        panels: title to a table with a row for each seed and a column for each model.
+    """
+    figure, axes = plt.subplots(1, len(panels), figsize=(6.4, 2.8), sharey=True)
+    for axis, (title, table) in zip(np.atleast_1d(axes), panels.items(), strict=True):
+        places = np.arange(table.shape[1])
+        for seed, values in zip(table.index, table.to_numpy(), strict=True):
+            colour = (style.BLUE, style.ORANGE, style.GREEN)[seed % 3]
+            axis.plot(places, values, "-" + "os^"[seed % 3], color=colour, label=f"seed {seed}")
+        axis.set_xticks(places, [name.replace(" ", "\n", 1) for name in table.columns])
+        axis.set(title=title, xlim=(-0.4, len(places) - 0.6))
+    first = np.atleast_1d(axes)[0]
+    first.set_ylabel(y_label)
+    figure.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return style.closed(figure)
+
+
+def shares(groups: Mapping[str, Mapping[str, float]], x_label: str) -> Figure:
+    """A dot for each named share in percent, with its value; groups are set apart.
+
+    Args:
+        groups: name of the group to shares by name.
+    """
+    rows = [(kind, name, value) for kind, named in groups.items() for name, value in named.items()]
+    kinds = list(groups)
+    places = [i + 0.5 * kinds.index(kind) for i, (kind, *_) in enumerate(rows)]
+    figure, axis = plt.subplots(figsize=(6.0, 0.26 * len(rows) + 0.9))
+    for y, (kind, _, value) in zip(places, rows, strict=True):
+        colour = (style.BLUE, style.RED, style.GREEN, style.GREY)[kinds.index(kind) % 4]
+        axis.plot(value, y, "osD^"[kinds.index(kind) % 4], color=colour, markersize=7)
+        axis.annotate(f"{value:.0f}", (value, y), (8, 0), textcoords="offset points", va="center")
+    axis.set_yticks(places, [name for _, name, _ in rows])
+    axis.set(xlim=(0, 106), ylim=(places[-1] + 0.7, -0.7), xlabel=x_label)
+    axis.tick_params(axis="y", length=0)
     return style.closed(figure)
 
 
@@ -70,8 +189,12 @@ def ways(table: pd.DataFrame) -> Figure:
     return style.closed(figure)
 
 
-def strips(path=None) -> Figure:
-    """Rows of images of episodes, with the instruction and the result."""
+def strips(names: Mapping[str, str] | None = None, path=None) -> Figure:
+    """Rows of images of episodes, with the model, the instruction and the result.
+
+    Args:
+        names: of models, as the figure shows them.
+    """
     with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
         videos, texts = file["strips"], file["texts"].tolist()
     # layout by hand: the automatic one makes the first column as wide as the text over it
@@ -84,5 +207,7 @@ def strips(path=None) -> Figure:
         for axis, image in zip(row, video, strict=True):
             axis.imshow(image)
             axis.set_axis_off()
-        row[0].set_title(text.replace("_", " "), loc="left", fontsize=8)
+        model, rest = text.split(": ", 1)
+        shown = (names or {}).get(model, model).removeprefix("+ ").removeprefix("or ")
+        row[0].set_title(f"{shown}: {rest}", loc="left", fontsize=9)
     return style.closed(figure)

@@ -126,6 +126,7 @@ STAGES = (
             [*closed_loop.KEY, "pattern", "variation"], {"^success$": (0, 0)}, 0.7),
         "results/closed_loop_models.csv": table(closed_loop.SCORES.key, SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
+        "results/closed_loop_ptae_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
         "weights/one_look_policy_seed0.safetensors": SCORES}, 2, 20, simulator=True),
     Stage("book", "ptae_lite.book.site --out {out}", minutes=3,

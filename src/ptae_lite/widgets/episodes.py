@@ -52,8 +52,12 @@ class Shown:
         return f"<p>{escape(self.text)}</p>{self.viewer._repr_html_()}"
 
 
-def panel(kept: list[StoredEpisode]) -> Panel:
-    """Choose a scene and a sentence, and see what the model did."""
+def panel(kept: list[StoredEpisode], start: dict[str, str] | None = None) -> Panel:
+    """Choose a scene and a sentence, and see what the model did.
+
+    Args:
+        start: values of controls that are not to begin with their first.
+    """
     by_key = {(" and ".join(one.stage.colours), parse(one.instruction)): one for one in kept}
     scenes = list(dict.fromkeys(scene for scene, _ in by_key))
 
@@ -66,6 +70,7 @@ def panel(kept: list[StoredEpisode]) -> Panel:
         {"cubes": scenes, "action": ACTIONS, "which": ("the left one", "the right one"),
          "speed": SPEEDS},
         "Sentence and episode",
+        start=start,
         describe=lambda **values: verdict_text(find(**values)),
     )  # fmt: skip
 
