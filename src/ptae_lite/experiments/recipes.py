@@ -45,7 +45,7 @@ CHOICES = {
     "long": Choice("twice the epochs", {"epochs": REGULAR.epochs * 2}),
     "slow": Choice("half the learning rate", {"learning_rate": REGULAR.learning_rate / 2}),
     "fast": Choice("twice the learning rate", {"learning_rate": REGULAR.learning_rate * 2}),
-    "no-mixup": Choice("no blends of clips", {"mixup": False}),
+    "no-mixup": Choice("no mixup of clips", {"mixup": False}),
     "one-learning-rate": Choice(
         "the action decoder no faster than the rest", {"action_lr_scale": 1.0}
     ),

@@ -20,9 +20,9 @@ from ptae_lite.paper.claim_metrics import (
     with_labels,
 )
 
-FEW = "04_limited_supervision"
+FEW, LONG = "in_depth/04_few_labels", "in_depth/04_how_often"
 CURVES, ANCESTORS = "The paper's figures", "PTAE and its ancestors"
-LENGTH = "How often was a label shown?"
+LENGTH = "Few iterations, trained longer"
 REMARK = {"iterations": "Our training has far fewer updates.",
           "samples": "What is lost is the colour first."}  # fmt: skip
 REMARKS = {  # by model, task, experiment and share
@@ -40,12 +40,12 @@ def _with_few_labels() -> list[ClaimTest]:
             if share == REGULAR[mode] and model == "ptae":
                 continue  # the same as in the first group
             task = column.split("_")[0]
-            long = mode == "iterations" and share <= TINY  # chapter 04 shows the long one
+            long = mode == "iterations" and share <= TINY  # a page of its own has the long ones
             found.append(number(
                 f"{model.upper()}, {task} with {share:g} % of the {mode}", claim,
                 with_labels(model, column, mode, share), group="Few labels",
                 unit="%" if column.endswith("accuracy") else "% NRMSE",
-                chapter=FEW, heading=LENGTH if long else CURVES,
+                chapter=LONG if long else FEW, heading=LENGTH if long else CURVES,
                 remark=REMARKS.get((model, task, mode, share), REMARK[mode]),
                 longer=both_lengths(partial(with_labels, model, column, mode, share), share),
             ))  # fmt: skip

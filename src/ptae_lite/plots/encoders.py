@@ -31,9 +31,11 @@ def marks(
         values = [row[name] for row in rows.values()]
         look = {"color": COLOURS[k], "ms": 7, "zorder": 3, "label": name}
         axes.plot(values, range(len(rows)), MARKS[k], **look)
-        for i, value in enumerate(values):
-            axes.annotate(f"{value:.{digits}f}", (value, i), (0, 7), textcoords="offset points",
-                          ha="center", color=COLOURS[k])  # fmt: skip
+        for i, (value, row) in enumerate(zip(values, rows.values(), strict=True)):
+            near = 0.045 * (within[1] - within[0])  # where two numbers would touch, one goes below
+            below = any(abs(row[other] - value) < near for other in series[:k])
+            axes.annotate(f"{value:.{digits}f}", (value, i), (0, -14 if below else 7), ha="center",
+                          textcoords="offset points", color=COLOURS[k])  # fmt: skip
     for i, row in enumerate(rows.values()):
         axes.plot([min(row.values()), max(row.values())], [i, i], color="#BBBBBB", zorder=2)
     axes.set_yticks(range(len(rows)), list(rows))

@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from ptae_lite.evaluation import CHANCE
 from ptae_lite.experiments.supervision import REGULAR, SHARES, VARIANTS
@@ -25,6 +26,7 @@ NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear basel
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
 MAIN = {"samples": ("balanced", "random"), "iterations": ("paper",)}  # variants in the figures
+ALL_MODELS = (f"{VARIANTS['long'].times} times as long", "the paper's text")  # in each one's colour
 PAPERS = (  # the three figures of the paper
     ("describe_accuracy", "iterations"), ("describe_accuracy", "samples"),
     ("execute_nrmse", "samples"),
@@ -92,11 +94,11 @@ def draw_measure(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> Non
         longer = longer[longer["variant"] == "long"].groupby("share")[column].mean()
         if len(longer):
             axis.plot(longer, mark, color=colour, fillstyle="none", markersize=6,
-                      label=f"{NAMES[model]}, {VARIANTS['long'].times} times as long")  # fmt: skip
+                      label=ALL_MODELS[0])  # fmt: skip
         paper = reported.BY_SHARE.get((model, column, mode))
         if paper:
             axis.plot(list(paper), [claim.value for claim in paper.values()], "^", color=colour,
-                      fillstyle="none", label=f"{NAMES[model]} in the paper's text")  # fmt: skip
+                      fillstyle="none", label=ALL_MODELS[1])  # fmt: skip
     if mode == "iterations":  # every sample has a label here, so the baseline uses all labels
         sums = rows_of(table, "linear", "samples")
         sums = sums[sums["share"] == REGULAR["samples"]][column].mean()
@@ -118,5 +120,10 @@ def shared_legend(figure: Figure, axes) -> None:
     found: dict = {}
     for axis in axes:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
+            grey = label in ALL_MODELS
+            found.setdefault(label, _in_grey(handle) if grey else handle)
     figure.legend(found.values(), found, loc="outside upper center", ncols=4, fontsize=8)
+
+
+def _in_grey(line: Line2D) -> Line2D:
+    return Line2D([], [], color=style.GREY, marker=line.get_marker(), ls="", fillstyle="none")

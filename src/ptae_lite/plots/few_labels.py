@@ -1,0 +1,167 @@
+"""Figures of chapter 04: lists of labels as dots, signals as tiles, scores by share of labels."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Int, UInt8
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ptae_lite.plots import style
+
+COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
+MARKS = ("o", "s", "D", "v")
+DASHES = ("-", "--", "-.", ":")
+SHARES = (1, 2, 5, 10, 20, 50, 100)  # ticks of an axis of shares
+
+
+def strips(panels: Mapping[str, Mapping[str, Collection[float]]], x_label: str) -> Figure:
+    """A dot for each value, in named rows; each row ends in its mean.
+
+    Args:
+        panels: title to the rows of a panel. All panels have the same rows.
+    """
+    rows = list(next(iter(panels.values())))
+    size = (6.6, 0.95 + 0.42 * len(rows))
+    figure, grid = plt.subplots(1, len(panels), figsize=size, squeeze=False, sharex=True)
+    highest = max(max(values) for panel in panels.values() for values in panel.values())
+    for axes, (title, panel) in zip(grid.flat, panels.items(), strict=True):
+        for i, values in enumerate(panel.values()):
+            spread = 0.2 * np.sin(2.4 * np.arange(len(values)))  # so that equal dots stay apart
+            axes.plot(values, i + spread, MARKS[i], color=COLOURS[i], ms=5, alpha=0.6, mew=0)
+            axes.plot([np.mean(values)] * 2, [i - 0.33, i + 0.33], color=COLOURS[i], lw=2)
+            axes.text(1.34 * highest, i, f"mean {np.mean(values):.0f}", color=COLOURS[i],
+                      ha="right", va="center")  # fmt: skip
+        axes.set(title=title, xlabel=x_label, xlim=(-0.02 * highest, 1.35 * highest))
+        axes.set_yticks(range(len(rows)), rows if axes is grid[0, 0] else [""] * len(rows))
+        axes.set_ylim(len(rows) - 0.5, -0.5)
+        axes.tick_params(axis="y", length=0)
+    return style.closed(figure)
+
+
+def schedules(shown: Mapping[str, Bool[np.ndarray, "clips epochs"]]) -> Figure:
+    """When each clip is shown with its sentence: dark squares."""
+    figure, grid = plt.subplots(1, len(shown), figsize=(6.4, 2.7), sharey=True)
+    for axes, (title, table) in zip(grid, shown.items(), strict=True):
+        axes.imshow(~table, cmap="gray", vmin=-0.3, vmax=1, aspect="auto")
+        axes.set(title=title, xlabel="epoch")
+        axes.grid(False)
+    grid[0].set_ylabel("clip")
+    return style.closed(figure)
+
+
+def tiles(
+    tables: Mapping[str, Int[np.ndarray, "R C"]], rows: Sequence[str], columns: Sequence[str],
+    wrong: Bool[np.ndarray, "R C"],
+) -> Figure:  # fmt: skip
+    """Tables of counts as tiles: blue where a count may be, red where it must not.
+
+    Args:
+        wrong: the tiles that must be zero.
+    """
+    size = (1.3 + 0.85 * len(columns), 0.5 + 1.05 * len(tables))
+    figure, grid = plt.subplots(len(tables), 1, figsize=size, sharex=True, squeeze=False)
+    for axes, (title, table) in zip(grid[:, 0], tables.items(), strict=True):
+        paint = np.where(table == 0, 0, np.where(wrong, 2, 1))
+        colours = plt.matplotlib.colors.ListedColormap(["white", "#CFE3F1", "#F0A58A"])
+        axes.imshow(paint, cmap=colours, vmin=0, vmax=2, aspect="auto")
+        for (i, j), count in np.ndenumerate(table):
+            axes.text(j, i, f"{count}", ha="center", va="center")
+        axes.set_title(title, loc="left")
+        axes.set_yticks(range(len(rows)), rows)
+        axes.set_xticks(range(len(columns)), columns)
+        axes.set_xticks(np.arange(len(columns) + 1) - 0.5, minor=True)
+        axes.set_yticks(np.arange(len(rows) + 1) - 0.5, minor=True)
+        axes.grid(False)
+        axes.grid(which="minor", color="#BBBBBB")
+        axes.tick_params(which="both", length=0)
+    return style.closed(figure)
+
+
+def by_share(
+    panels: Mapping[str, Mapping[str, pd.Series]], x_label: str, *,
+    levels: Mapping[str, float] | None = None, top: Mapping[str, float] | None = None,
+) -> Figure:  # fmt: skip
+    """Curves over the share of labels (logarithmic), each with its name at its left end (of more
+    than three, in a legend).
+
+    Args:
+        panels: label of the vertical axis to named curves: values by share in percent.
+        levels: dotted lines in the last panel, with their names at the right.
+        top: upper end of a panel's vertical axis.
+    """
+    size = (3.5 * len(panels) if len(panels) > 1 else 5.4, 3.0)
+    figure, grid = plt.subplots(1, len(panels), figsize=size, squeeze=False)
+    for axes, (label, curves) in zip(grid.flat, panels.items(), strict=True):
+        for k, (_, curve) in enumerate(curves.items()):
+            axes.plot(curve.index, curve, DASHES[k], color=COLOURS[k], marker=MARKS[k], ms=4.5)
+        high = (top or {}).get(label, 105)
+        axes.set(ylabel=label, xlabel=x_label, xscale="log", ylim=(0, high), xlim=(0.17, 120))
+        axes.set_xticks(SHARES, SHARES)
+        axes.minorticks_off()
+        if len(curves) > 3:  # too many for the left end
+            axes.legend(axes.lines, list(curves), loc="upper left")
+            continue
+        for y, (k, name) in _apart(curves, 0.075 * high).items():
+            first = next(iter(curves[name].index))
+            axes.text(0.82 * first, y, name, color=COLOURS[k], ha="right", va="center")
+    for name, level in (levels or {}).items():
+        axes.axhline(level, color=style.GREY, ls=":", lw=1.2)
+        axes.annotate(name, (1.01, level), xycoords=("axes fraction", "data"), color=style.GREY,
+                      va="center")  # fmt: skip
+    return style.closed(figure)
+
+
+def _apart(curves: Mapping[str, pd.Series], gap: float) -> dict[float, tuple[int, str]]:
+    """Heights for the curves' names: near their first points, and at least `gap` apart."""
+    found: dict[float, tuple[int, str]] = {}
+    order = sorted((curve.iloc[0], k, name) for k, (name, curve) in enumerate(curves.items()))
+    last = -np.inf
+    for value, k, name in order:
+        last = max(value, last + gap, 0.6 * gap)
+        found[last] = (k, name)
+    return found
+
+
+def paired(points: pd.DataFrame, names: tuple[str, str], group: str, end: float = 104) -> Figure:
+    """A dot for each list of labels: its score by one way of learning, over that by another.
+
+    Args:
+        points: a row for each list, with columns `x`, `y` and that of `group`.
+        names: of the two axes.
+        group: dots of one value have one colour and a mark.
+    """
+    figure, axes = plt.subplots(figsize=(4.6, 4.3))
+    axes.plot([0, end], [0, end], color=style.GREY, lw=1.2)
+    _note(axes, 0.62 * end, 0.74 * end, f"{names[1].split(',')[0]} is better", "right")
+    _note(axes, 0.62 * end, 0.44 * end, f"{names[0].split(',')[0]} is better", "left")
+    paint = plt.get_cmap("viridis")(np.linspace(0, 0.85, points[group].nunique()))
+    shapes = ("o", "s", "^", "D", "v", "P", "X", "p")
+    for (value, own), colour, shape in zip(points.groupby(group), paint, shapes, strict=False):
+        axes.plot(own["x"], own["y"], shape, color=colour, ms=6.5, label=f"{value:g} %")
+    axes.set(xlabel=names[0], ylabel=names[1], xlim=(0, end), ylim=(0, end), aspect="equal")
+    axes.legend(title=group, loc="lower right")
+    return style.closed(figure)
+
+
+def _note(axes: Axes, x: float, y: float, text: str, side: str) -> None:
+    axes.text(x, y, text, color=style.GREY, ha=side, style="italic")
+
+
+def beside(images: UInt8[np.ndarray, "I H W 3"], rows: Mapping[str, Sequence[str]]) -> Figure:
+    """Images in a row, and below each of them a line of text for each of the named rows."""
+    figure, grid = plt.subplots(1, len(images), figsize=(7.6, 1.5 + 0.24 * len(rows)))
+    for column, (axes, image) in enumerate(zip(grid, images, strict=True)):
+        axes.imshow(image)
+        axes.set(xticks=[], yticks=[])
+        for k, (name, texts) in enumerate(rows.items()):
+            at = {"transform": axes.transAxes, "va": "top", "color": COLOURS[k]}
+            axes.text(0.5, -0.06 - 0.17 * k, texts[column], ha="center", **at)
+            if column == 0:
+                axes.text(-0.06, -0.06 - 0.17 * k, name, ha="right", weight="bold", **at)
+        axes.grid(False)
+    return style.closed(figure)
