@@ -44,6 +44,12 @@ AFTER = """\
 
 > **In depth.** [Elsewhere](in_depth/x.md) there is more.
 
+<details><summary>More</summary>
+
+- folded
+
+</details>
+
 Said last.
 
 ## Exercises
@@ -75,7 +81,11 @@ def chapter():
         metadata={"tags": ["remove-input"]},
         outputs=[new_output("execute_result", {"text/html": GUESS})],
     )
-    quiet = new_code_cell("import x", metadata={"tags": ["hide-input"]})
+    quiet = new_code_cell(
+        "import x\ntier()",
+        metadata={"tags": ["hide-input"]},
+        outputs=[new_output("execute_result", {"text/plain": "'replay'"})],
+    )
     return new_notebook(cells=[
         new_markdown_cell(TOLD), quiet, new_markdown_cell(SECTION), folded,
         new_markdown_cell(AFTER.split("> **Key")[0]), shown, asked,
@@ -109,7 +119,8 @@ def test_what_a_chapter_tells_is_said_with_the_slide_after_it(chapter):
 def test_slides_lead_nowhere_and_show_no_comments(chapter):
     page = slides.page(slides.cut(chapter))
     assert not ADDRESS.search(page) and "example.org" not in page
-    assert "<!--" not in page and "{doc}" not in page and "Not shown" not in page
+    assert "<!--" not in page and "{doc}" not in page and "chapter 01" in page
+    assert "Not shown" not in page and "folded" not in page
     assert "\\(a&lt;b\\)" in page and "there is more" not in page.split("notes")[0]
     assert re.findall(r'<script src="([^"]+)"', page) == [
         "_static/reveal/reveal.js", "_static/reveal/notes.js", "_static/vendor/tex-svg.js"

@@ -8,8 +8,8 @@ The chapter runs once. Each section is a stack of slides, and a slide is one of:
 - a question to guess;
 - a box, such as a key result; a list.
 
-The other paragraphs are speaker's notes (key S) of the slide that follows them. Exercises and boxes
-that only lead elsewhere are left out.
+The other paragraphs are speaker's notes (key S) of the slide that follows them. Exercises, details
+to unfold, and boxes that only lead elsewhere are left out.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ IMAGES = {"image/svg+xml": "svg+xml", "image/png": "png", "image/jpeg": "jpeg"}
 KINDS = {"heading_open", "paragraph_open", "blockquote_open", "math_block", "table_open"}
 LISTS = {"bullet_list_open", "ordered_list_open"}
 _ROLE = re.compile(r"\{\w+\}`([^`<]+?)(?: <[^>]*>)?`")
+_DETAILS = re.compile(r"^<details>.*?^</details>", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"</?a\b[^>]*>")
 _BOLD = re.compile(r"\*\*(.+?)\*\*\s*(.*)", re.DOTALL)
 
@@ -107,7 +108,7 @@ class _Cutter:
             self.notes = []
 
     def text(self, source: str) -> None:
-        for kind, block in blocks(source):
+        for kind, block in blocks(_DETAILS.sub("", source)):
             start = _BOLD.match(block.replace("\n> ", "\n").removeprefix("> "))
             if kind == "heading_open":
                 self.heading(block)
@@ -147,11 +148,12 @@ class _Cutter:
             self.notes.append(block)
 
     def code(self, cell: NotebookNode) -> None:
-        made = [one for one in map(_output, cell.outputs) if one]
+        folded = {*notebooks.FOLDED, "remove-cell"} & set(cell.metadata.get("tags", []))
+        outputs = [one for one in cell.outputs if not (folded and _is_value(one))]
+        made = [one for one in map(_output, outputs) if one]
         text = "\n".join(text.strip("\n") for kind, text in made if kind == "printed")
         printed = f"<pre>{escape(text)}</pre>" if text else ""
-        tags = cell.metadata.get("tags", [])
-        if not {*notebooks.FOLDED, "remove-cell"} & set(tags):
+        if not folded:
             code = highlight(cell.source, PythonLexer(), HtmlFormatter())
             self.add("code", code + printed)
         elif printed:
@@ -160,6 +162,11 @@ class _Cutter:
         for kind, html in made:
             if kind != "printed":
                 self.add(kind, html.replace('alt=""', f'alt="{escape(alt)}"', 1))
+
+
+def _is_value(output: NotebookNode) -> bool:
+    """Whether an output is only the value of a cell's last line, in text."""
+    return output.output_type == "execute_result" and set(output.data) == {"text/plain"}
 
 
 def _output(output: NotebookNode) -> tuple[str, str] | None:
@@ -171,7 +178,10 @@ def _output(output: NotebookNode) -> tuple[str, str] | None:
         return "guess" if GUESS in html else "figure", html
     for mime, kind in IMAGES.items():
         if mime in data:
-            return "figure", f'<img alt="" src="{_address(data[mime], kind)}">'
+            return (
+                "figure",
+                f'<div class="image"><img alt="" src="{_address(data[mime], kind)}"></div>',
+            )
     text = data.get("text/plain")
     return ("printed", text) if text else None
 
