@@ -246,4 +246,17 @@ def test_the_course_has_its_slides(monkeypatch, tmp_path, chapter):
     for name, data in made.items():
         if name.endswith(".html"):
             assert not ADDRESS.search(data.decode()), name
+        if name.endswith(".css"):
+            assert b"url(http" not in data and b"@import" not in data
     assert b"A title" in made["slides/index.html"]
+
+
+def test_a_page_becomes_a_file_of_text_and_tables():
+    table = new_output("execute_result", {"text/html": "<table><tr><td>7</td></tr></table>"})
+    text = "# On data\n\nSee {doc}`the sheet <data_sheet>`.\n\n```{include} x.md\n```\n\nEnd."
+    made = lecture.document(new_notebook(cells=[
+        new_markdown_cell(text), new_code_cell("table()", outputs=[table])
+    ]))  # fmt: skip
+    assert "<title>On data</title>" in made and "<td>7</td>" in made
+    assert "See the sheet." in made and "End." in made
+    assert "include" not in made and "table()" not in made
