@@ -6,7 +6,9 @@ import pytest
 
 from ptae_lite.experiments.answer_source import SOURCES
 from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT, PLACES, conditions
+from ptae_lite.experiments.incongruence_table import damage
 from ptae_lite.paper import reported
+from ptae_lite.plots import conflict as conflict_plots
 from ptae_lite.plots import incongruence as incongruence_plots
 
 SPREAD = (-1.0, 0.0, 2.0)  # of the three seeds about their value
@@ -48,13 +50,13 @@ def bars(axes):
 
 def test_four_charts_words_above_and_motions_below(table):
     figure = incongruence_plots.by_conflicts(table[table["model"] == "ptae"])
-    titles = [axes.get_title().split(" (")[0] for axes in figure.axes]
+    titles = [axes.get_title().split("\n")[0] for axes in figure.axes]
     assert titles == ["describe", "repeat language", "repeat action", "execute"]
     for axes, signal in zip(figure.axes, titles, strict=True):
         words = signal in ANSWERS_WORDS
         assert axes.get_ylabel() == ("accuracy, %" if words else "NRMSE, %")
         found = bars(axes)
-        places = {"conflict in all of the extra input": EXTRA_INPUT[signal]}
+        places = {"conflict": EXTRA_INPUT[signal]}
         places |= {f"in {p} only": p for p in PLACES[EXTRA_INPUT[signal]][1:]}
         for label, place in places.items():
             x, mean, low, high = found.pop(label)
@@ -76,7 +78,7 @@ def test_four_charts_words_above_and_motions_below(table):
 def test_models_are_compared_in_every_signal(table):
     figure = incongruence_plots.compared(table)
     for axes in figure.axes:
-        signal = axes.get_title().split(" (")[0]
+        signal = axes.get_title().split("\n")[0]
         found = bars(axes)
         assert list(found) == [label for label, *_ in incongruence_plots.MODELS.values()]
         for k, (x, mean, _, _) in enumerate(found.values()):
@@ -103,13 +105,79 @@ def test_a_stack_for_each_condition_adds_up(table):
         np.testing.assert_allclose(widths[:, three].T, [[50, 10, 30, 10]] * len(three))
 
 
-def test_attention_has_a_row_a_signal_and_a_line_an_input():
+def test_parts_of_a_clip_can_be_left_out(table):
+    own = table[table["model"] == "ptae"]
+    for axes in incongruence_plots.by_conflicts(own, parts=False).axes:
+        assert set(bars(axes)) == {"conflict", "congruent", "congruent, another"}
+    rows = [len(axes.get_yticks()) for axes in incongruence_plots.followed(own, False).axes]
+    assert rows == [6, 6, 6, 7]
+
+
+def test_attention_has_a_column_a_signal_and_a_line_an_input():
     shares = np.arange(12).reshape(4, 3) / 12
-    figure = incongruence_plots.attention(
-        {"describe": {"regular": shares, "conflict": shares / 2}, "execute": {"regular": shares}}
-    )
-    assert len(figure.axes) == 8
-    for head, axes in enumerate(figure.axes[:4]):
+    looks = {
+        "describe": {"regular": shares, "conflict": shares / 2},
+        "execute": {"regular": shares},
+    }
+    film = np.zeros((6, 6, 8, 3), np.uint8)
+    grid = np.reshape(conflict_plots.attention(looks, film).axes, (5, 2))
+    assert [axes.get_title() for axes in grid[0]] == list(looks)
+    assert all(len(axes.images) == 1 for axes in grid[0])
+    for head, axes in enumerate(grid[1:, 0]):
         lines = {line.get_label(): line.get_ydata() for line in axes.lines}
         np.testing.assert_allclose(lines["regular"], 100 * shares[head])
         np.testing.assert_allclose(lines["conflict"], 50 * shares[head])
+
+
+def drawn(axes):
+    """The lines of a panel that have more than one point."""
+    return [line for line in axes.lines if len(line.get_xdata()) == len(SPREAD)]
+
+
+def test_a_cost_is_drawn_for_each_seed(table):
+    paid = damage(table)
+    for axes, signals in zip(conflict_plots.costs(paid).axes, (("describe", "repeat language"),
+                                                               ("repeat action", "execute")),
+                             strict=True):  # fmt: skip
+        assert [label.get_text() for label in axes.get_yticklabels()] == list(signals)
+        wanted = [paid[(paid["signal"] == s) & (paid["model"] == m)][what].tolist()
+                  for s in signals for m in incongruence_plots.MODELS
+                  for what in ("format", "conflict")]  # fmt: skip
+        found = [line.get_xdata().tolist() for line in drawn(axes)]
+        np.testing.assert_allclose(found, wanted)
+
+
+def test_the_same_falsehood_by_a_sentence_and_by_a_clip(table):
+    def seeds(model, signal, aspects):
+        rows = table[(table["model"] == model) & (table["aspects"] == aspects)]
+        rows = rows[(rows["signal"] == signal) & (rows["conflict_in"] == EXTRA_INPUT[signal])]
+        return rows["accuracy"].fillna(rows["nrmse"]).tolist()
+
+    asked = [
+        (("describe", word), ("repeat language", clip))
+        for word, clip in (
+            ("action", "action"),
+            ("colour", "position"),
+            ("action colour", "action position"),
+        )
+    ]
+    asked.append((("repeat action", "action"), ("execute", "action")))
+    for axes, pair in zip(conflict_plots.turned(table).axes, asked, strict=True):
+        found = [line.get_ydata() for line in drawn(axes)]
+        wanted = [seeds(model, *one) for model in incongruence_plots.MODELS for one in pair]
+        np.testing.assert_allclose(found, wanted)
+        lines = [line for line in axes.lines if len(line.get_xdata()) == 2]
+        ends = np.reshape(np.mean(wanted, axis=1), (-1, 2))
+        np.testing.assert_allclose([line.get_ydata() for line in lines], ends)
+
+
+def test_one_conflict_at_a_time_is_written_into_its_cell(table):
+    own = table[table["model"] == "ptae"]
+    words, motion = conflict_plots.single(own).axes
+    assert [len(axes.get_yticks()) for axes in (words, motion)] == [4, 4]
+    shown = np.reshape([text.get_text() for text in words.texts], (4, 4))
+    first = value("describe", "congruent", 0) + np.mean(SPREAD)
+    one = value("describe", "language", 1) + np.mean(SPREAD)
+    assert shown[0].tolist() == [f"{first:.0f}", *[f"{one:.0f}"] * 3]
+    joints = value("repeat language", "proprioception", 1) + np.mean(SPREAD)
+    assert shown[3, 1] == f"{joints:.0f}"

@@ -22,8 +22,7 @@ from ptae_lite.paper.claims_few_labels import FEW_LABELS
 
 EYE, CONFLICT, DEPTH = "02_vision", "05_incongruence", "in_depth/03_family"
 FAMILY, CHOICES = "The family, side by side", "Which of its choices matter?"
-COUNTS, PARTS = "Nought to three conflicts", "Not all conflicts are equal"
-REASON = "Where the asymmetry comes from"
+COUNTS, REASON = "Zero to three conflicts", "The asymmetry turned round"
 REGULAR = reported.REGULAR
 SHORT = "Our training is far shorter; eight times the updates bring 1.2 %, within the margin."
 
@@ -234,8 +233,8 @@ CLAIMS = [
             part_of_harm(signal, place),
             lambda found, _: bool(((found > 0) & (found < 100)).all()),
             "% of the harm of both",
-            CONFLICT,
-            PARTS,
+            "in_depth/05_conflict",
+            "Every conflict alone",
         )
         for signal in ("execute", "repeat language")
         for name, place in (("False vision", "vision"), ("False proprioception", "proprioception"))

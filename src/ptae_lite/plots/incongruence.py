@@ -5,12 +5,9 @@ All are drawn from the table of `experiments.incongruence_table`. No model runs 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from ptae_lite.experiments.answer_source import SOURCES
@@ -40,20 +37,23 @@ def score_name(signal: str) -> str:
     return "accuracy" if signal in ANSWERS_WORDS else "nrmse"
 
 
-def by_conflicts(table: pd.DataFrame) -> Figure:
+def by_conflicts(table: pd.DataFrame, parts: bool = True) -> Figure:
     """One model's four signals by the number of conflicts.
 
     A point is the mean over choices of aspects and over seeds, and its bar goes from the lowest to
     the highest seed. Diamonds and crosses at zero are the congruent controls. Triangles are the
     numbers in the paper's text.
+
+    Args:
+        parts: draw the conflicts in one part of a clip as well.
     """
-    figure, axes = plt.subplots(2, 2, figsize=(7.5, 5.2), sharex=True)
+    figure, axes = plt.subplots(2, 2, figsize=(5.6, 5.0), sharex=True)
     for axis, signal in zip(axes.flat, SHOWN, strict=True):
         rows = table[table["signal"] == signal]
-        for place in PLACES[EXTRA_INPUT[signal]]:
+        for place in _places(signal, parts):
             colour, dash, mark = LOOKS[place]
             main = place == EXTRA_INPUT[signal]
-            label = "conflict in all of the extra input" if main else f"in {place} only"
+            label = "conflict" if main else f"in {place} only"
             means = seed_means(rows, ["none", place] if main else [place])
             _bars(axis, means, colour, dash, mark, label, shift=0 if main else 0.06)
         for place, (colour, mark) in CONTROLS.items():
@@ -63,13 +63,24 @@ def by_conflicts(table: pd.DataFrame) -> Figure:
         numbers = reported.CONFLICTS[signal]
         axis.plot(list(numbers), [claim.value for claim in numbers.values()], "^", ms=9,
                   color=style.GREY, fillstyle="none", label="paper's text")  # fmt: skip
-        axis.set_title(f"{signal} (conflict in {EXTRA_INPUT[signal]})")
+        axis.set_title(_title(signal))
         _scale(axis, signal)
     for axis in axes[-1]:
         axis.set(xlabel="conflicts", xticks=range(4))
     handles, labels = axes[1, 1].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return style.closed(figure)
+
+
+def _places(signal: str, parts: bool) -> tuple[str, ...]:
+    """Where a signal's conflicts are: all of the extra input first, then its parts."""
+    places = PLACES[EXTRA_INPUT[signal]]
+    return places if parts else places[:1]
+
+
+def _title(signal: str) -> str:
+    """The signal, and what is false in it. On two lines, because a panel is narrow."""
+    return f"{signal}\n(conflict in {EXTRA_INPUT[signal]})"
 
 
 def seed_means(rows: pd.DataFrame, places: list[str]) -> pd.DataFrame:
@@ -93,7 +104,7 @@ def _scale(axis, signal: str) -> None:
 
 def compared(table: pd.DataFrame) -> Figure:
     """The four signals with each model: regular input, the congruent control, 1 to 3 conflicts."""
-    figure, axes = plt.subplots(2, 2, figsize=(7.5, 4.8), sharex=True)
+    figure, axes = plt.subplots(2, 2, figsize=(5.6, 5.2), sharex=True)
     for axis, signal in zip(axes.flat, SHOWN, strict=True):
         there = [name for name in MODELS if name in set(table["model"])]
         for k, name in enumerate(there):
@@ -103,7 +114,7 @@ def compared(table: pd.DataFrame) -> Figure:
             means = pd.concat([seed_means(rows, place) for place in places])
             means.index = range(len(means))
             _bars(axis, means, colour, dash, mark, label, shift=0.08 * (k - 1))
-        axis.set_title(f"{signal} (conflict in {EXTRA_INPUT[signal]})")
+        axis.set_title(_title(signal))
         _scale(axis, signal)
     for axis in axes[-1]:
         axis.set_xticks(range(5), ["none", "congru-\nent", "1", "2", "3"])
@@ -112,12 +123,17 @@ def compared(table: pd.DataFrame) -> Figure:
     return style.closed(figure)
 
 
-def followed(table: pd.DataFrame) -> Figure:
-    """What one model's answers follow: a bar for each condition, means over choices and seeds."""
-    rows = {signal: _conditions(signal) for signal in SHOWN}
+def followed(table: pd.DataFrame, parts: bool = True) -> Figure:
+    """What one model's answers follow: a bar for each condition, means over choices and seeds.
+
+    Args:
+        parts: draw the conflicts in one part of a clip as well.
+    """
+    rows = {signal: _conditions(signal, parts) for signal in SHOWN}
     heights = [max(len(rows[s]) for s in SHOWN[:2]), max(len(rows[s]) for s in SHOWN[2:])]
+    size = (5.6, 1.2 + 0.21 * sum(heights))
     figure, axes = plt.subplots(
-        2, 2, figsize=(7.5, 6.4), sharex=True, gridspec_kw={"height_ratios": heights}
+        2, 2, figsize=size, sharex=True, gridspec_kw={"height_ratios": heights}
     )
     for axis, signal in zip(axes.flat, SHOWN, strict=True):
         of = table[table["signal"] == signal]
@@ -140,33 +156,14 @@ def followed(table: pd.DataFrame) -> Figure:
     return style.closed(figure)
 
 
-def _conditions(signal: str) -> dict[str, tuple[str, int]]:
+def _conditions(signal: str, parts: bool) -> dict[str, tuple[str, int]]:
     """The bars of a signal, by name: where the conflict is, and how many."""
     rows = {"regular": ("none", 0), "congruent": ("congruent", 0),
             "another": ("congruent_other", 0)}  # fmt: skip
     if signal == "execute":
         rows["blank"] = ("blank", 0)
-    for place in PLACES[EXTRA_INPUT[signal]]:
+    for place in _places(signal, parts):
         short = "" if place == EXTRA_INPUT[signal] else f" {place[:6]}{'.' if place[6:] else ''}"
         rows |= {f"{n}{short or (' conflict' if n == 1 else ' conflicts')}": (place, n)
                  for n in (1, 2, 3)}  # fmt: skip
     return rows
-
-
-def attention(weights: Mapping[str, Mapping[str, Float[np.ndarray, "heads T"]]]) -> Figure:
-    """Where each head attends over a clip: a row for each signal, a line for each input."""
-    heads = len(next(iter(next(iter(weights.values())).values())))
-    figure, axes = plt.subplots(
-        len(weights), heads, figsize=(7.5, 0.6 + 1.6 * len(weights)), sharex=True, squeeze=False
-    )
-    looks = ((style.GREY, ":"), (style.ORANGE, "--"), (style.BLUE, "-"))
-    for row, (signal, inputs) in zip(axes, weights.items(), strict=True):
-        for head, axis in enumerate(row):
-            for (name, shares), (colour, dash) in zip(inputs.items(), looks, strict=False):
-                axis.plot(100 * shares[head], dash, color=colour, label=name)
-            axis.set(title=f"{signal}, head {head + 1}" if heads < 3 else f"head {head + 1}")
-        row[0].set_ylabel(f"{signal}\n% of the attention")
-    for axis in axes[-1]:
-        axis.set_xlabel("frame")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    return style.closed(figure)

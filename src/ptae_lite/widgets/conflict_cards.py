@@ -204,7 +204,7 @@ def panel(samples: Samples, examples: ConflictExamples, table: pd.DataFrame) -> 
         {"signal": list(SIGNALS), "extra": list(PLACES), "conflicts": [0, 1, 2, 3],
          "first": list(FIRST)},
         "One test clip under conflict",
-        start={"signal": "execute", "conflicts": 1},
+        start={"conflicts": 1},
         labels={"extra": "extra input", "first": "false first"},
     )  # fmt: skip
 
