@@ -59,7 +59,7 @@ def test_schedules_are_dark_where_a_sentence_is_used():
 
 def test_sentences_stand_below_their_images():
     images = np.zeros((2, 4, 6, 3), np.uint8)
-    first, second = plots.beside(images, {"own": ["a", "b"], "other": ["c", "d"]}).axes
+    first, second = plots.sentences_below(images, {"own": ["a", "b"], "other": ["c", "d"]}).axes
     assert texts(first) == ["a", "own", "c", "other"] and texts(second) == ["b", "d"]
 
 

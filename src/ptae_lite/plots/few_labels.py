@@ -152,7 +152,9 @@ def _note(axes: Axes, x: float, y: float, text: str, side: str) -> None:
     axes.text(x, y, text, color=style.GREY, ha=side, style="italic")
 
 
-def beside(images: UInt8[np.ndarray, "I H W 3"], rows: Mapping[str, Sequence[str]]) -> Figure:
+def sentences_below(
+    images: UInt8[np.ndarray, "I H W 3"], rows: Mapping[str, Sequence[str]]
+) -> Figure:
     """Images in a row, and below each of them a line of text for each of the named rows."""
     figure, grid = plt.subplots(1, len(images), figsize=(7.6, 1.5 + 0.24 * len(rows)))
     for column, (axes, image) in enumerate(zip(grid, images, strict=True)):
