@@ -17,6 +17,7 @@ from ptae_lite.paper import claim_metrics, report_card, reported
 from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables, always, number
 from ptae_lite.paper.claims import CLAIMS
 from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
+from ptae_lite.plots import report_card as card_plots
 from ptae_lite.widgets import report_card as shown
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
@@ -160,6 +161,7 @@ def test_links_are_those_of_the_site_or_of_the_notebooks(monkeypatch):
     assert shown.link(*where) == f'{where[0]}.ipynb#What-is-"execute"-worth?'
     monkeypatch.setenv("PTAE_STATIC", "1")
     assert shown.link(*where) == f"{where[0]}.html#what-is-execute-worth"
+    assert shown.link(*where, "../") == f"../{where[0]}.html#what-is-execute-worth"
 
 
 def test_the_table_shows_all_rows_and_lets_no_mark_up_in(card):
@@ -206,3 +208,105 @@ def test_a_run_has_a_number_for_every_claim_about_ptae_under_conflict(samples, t
     card = report_card.card(report_card.stored(), run).set_index("claim")
     own = card[(card["group"] == "Conflict") & ~card.index.str.startswith("One-way")]
     assert len(own) > 8 and (own["this run"] != "").all()
+
+
+# ---------------------------------------------------------------- the picture, and the page
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return report_card.measured(report_card.stored())
+
+
+def test_the_card_in_numbers_is_the_card(card, rows):
+    assert rows["claim"].tolist() == card["claim"].tolist()
+    assert rows["verdict"].tolist() == card["verdict"].tolist()
+    known = rows["median"].notna()
+    assert (rows["low"][known] <= rows["median"][known]).all()
+    assert (rows["median"][known] <= rows["high"][known]).all()
+    named = rows["paper"].notna()
+    assert rows["margin"][named].notna().all() and set(rows["reads"][named]) == {
+        reported.AT_LEAST, reported.AT_MOST,
+    }  # fmt: skip
+    assert rows["run"].isna().all()
+
+
+def test_ours_lies_in_the_green_part_where_a_number_held(rows):
+    named = rows[rows["paper"].notna()]
+    for row in named.itertuples():
+        (axis,) = card_plots.card(named[named["claim"] == row.claim]).axes
+        (green,) = axis.patches
+        inside = green.get_x() <= row.median <= green.get_x() + green.get_width()
+        assert inside == row.verdict.startswith("held") or row.verdict == NOT_TESTABLE, row.claim
+
+
+def test_the_picture_has_every_claim_with_its_paper_number_and_a_run(rows):
+    figure = card_plots.card(rows.assign(run=rows["median"]), run=True)
+    labels = [label.get_text().replace("\n", " ") for axis in figure.axes
+              for label in axis.get_yticklabels()]  # fmt: skip
+    assert set(rows["claim"]) | set(rows["group"]) == set(labels)
+    words, errors, said = figure.axes
+    named = rows[rows["paper"].notna()]
+    for axis, unit in ((words, "%"), (errors, "% NRMSE")):
+        own = named[named["unit"] == unit]
+        drawn = [line.get_xdata() for line in axis.lines]
+        ticks = [x[0] for x in drawn if len(x) == 2 and x[0] == x[1]]
+        assert set(own["paper"]) <= set(ticks)
+        assert sum(line.get_marker() == "D" for line in axis.lines) == len(own)
+    assert len(said.texts) == rows["paper"].isna().sum()
+
+
+def test_verdicts_by_group_are_counted(rows):
+    (axis,) = card_plots.by_group(rows).axes
+    assert sum(len(line.get_xdata()) for line in axis.lines) == len(rows)
+    first = [line for line in axis.lines if len(line.get_ydata()) and line.get_ydata()[0] == 0]
+    model = rows[rows["group"] == "The model"]
+    assert [len(line.get_xdata()) for line in first] == [
+        (model["verdict"] == verdict).sum()
+        for verdict in report_card.VERDICTS if (model["verdict"] == verdict).any()
+    ]  # fmt: skip
+
+
+def test_orders_hold_more_often_than_sizes(rows):
+    judged = rows[rows["verdict"] != NOT_TESTABLE]
+    held = judged["verdict"].str.startswith("held")
+    sizes = judged["paper"].notna()
+    assert held[~sizes].mean() > 0.75 and held[sizes].mean() < 0.5
+    assert held[~sizes & (judged["group"] == "Conflict")].all()
+
+
+def test_what_the_chapter_says_of_the_groups(rows):
+    by_claim = rows.set_index("claim")
+    verdicts, held = by_claim["verdict"], by_claim["verdict"].str.startswith("held")
+    assert held["PTAE describes"] and held["PTAE repeats language"]
+    assert not held["PTAE executes"] and not held["PTAE repeats actions"]
+    same = ["Repeat both does not help PTAE", "Class-weighted words are unnecessary for PTAE",
+            "LSTM or BERT encoders make no significant difference"]  # fmt: skip
+    other = ["PTAE converges in less than half of PGAE's updates", "Repeat both helps PGAE",
+             "Words as queries do better than frames as queries"]  # fmt: skip
+    assert held[same].all() and held[other].sum() == 1
+    ahead = [f"PTAE describes better than PGAE with {share} % of the samples" for share in (1, 10)]
+    assert held[ahead].all()
+    assert verdicts["PTAE describes better than PGAE with 2 % of the samples"] == NOT_TESTABLE
+    kept = [f"PTAE, describe with {share} % of the samples" for share in ("66.6", "50", "20", "10")]
+    assert held[kept].tolist() == [True, False, False, False]
+    assert by_claim["median"][kept].is_monotonic_decreasing
+    assert by_claim["median"]["PGAE, execute with 1 % of the samples"] < 10
+    more = by_claim.loc[["Three conflicts, describe", "Three conflicts, repeat action"]]
+    assert not held[more.index].any()
+    assert held["Three conflicts, execute"]
+
+
+def test_the_findings_that_the_chapter_draws():
+    family = report_card.stored().family.groupby("variant")
+    columns = ["execute_nrmse", "execute_speed_word_swapped", "execute_video_frozen"]
+    errors = family[columns].median().loc[["PTAE", "PGAE", "PVAE"]]
+    rise = errors["execute_speed_word_swapped"] / errors["execute_nrmse"]
+    assert rise["PTAE"] == pytest.approx(1, abs=0.02) and (rise[["PGAE", "PVAE"]] > 1.2).all()
+    assert (errors["execute_video_frozen"] > 5 * errors["execute_nrmse"]).all()
+    labels = report_card.stored().supervision
+    labels = labels[(labels["mode"] == "samples") & labels["model"].isin(["ptae", "linear"])]
+    labels = labels[labels["variant"].isin(["balanced", "random"]) | (labels["share"] == 100)]
+    means = labels.groupby(["share", "model"])["describe_accuracy"].mean().unstack()
+    lead = means["linear"] - means["ptae"]
+    assert lead[2] < 0 and (lead[[5, 10, 20]] > 0).all()

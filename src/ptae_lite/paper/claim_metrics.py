@@ -55,6 +55,7 @@ class ClaimTest:
         longer: values of trainings with few labels, and of ones eight times as long, by seed. If
             the long ones come nearer to the claim, the report card does not say that it fails.
         upwards: a larger value is nearer to the claim.
+        number: the paper's number, if the claim has one.
     """
 
     group: str
@@ -70,6 +71,7 @@ class ClaimTest:
     trained: bool = True
     longer: Callable[[Tables], tuple[pd.Series, pd.Series]] | None = None
     upwards: bool = True
+    number: reported.PaperNumber | None = None
 
     @property
     def digits(self) -> int:
@@ -87,7 +89,7 @@ def number(says: str, claim: reported.PaperNumber, values, unit="%", **more) -> 
 
     upwards = claim.reads == reported.AT_LEAST
     return ClaimTest(says=says, paper=claim.says, values=values, holds=holds, unit=unit,
-                 upwards=upwards, **more)  # fmt: skip
+                 upwards=upwards, number=claim, **more)  # fmt: skip
 
 
 def always(found, _) -> bool:

@@ -90,6 +90,27 @@ def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def measured(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
+    """The card in numbers, for figures: a row for each claim.
+
+    `paper` and `reads` are the paper's number and its direction; `low`, `median` and `high` are of
+    our trainings, `run` is that of a single run. What there is none of is NaN.
+    """
+    rows = []
+    for claim in CLAIMS:
+        values = np.asarray(claim.values(tables), dtype=float)
+        own = np.asarray([] if run is None else claim.values(run), dtype=float)
+        low, middle, high = np.quantile(values, (0, 0.5, 1)) if len(values) else [np.nan] * 3
+        paper, reads = (claim.number.value, claim.number.reads) if claim.number else (np.nan, "")
+        rows.append({
+            "group": claim.group, "claim": claim.says, "unit": claim.unit, "paper": paper,
+            "reads": reads, "margin": MARGIN.get(claim.unit, np.nan), "low": low,
+            "median": middle, "high": high, "run": np.median(own) if len(own) else np.nan,
+            "verdict": verdict(claim, tables)[0],
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
 def written(claim: ClaimTest, values) -> str:
     """Median and range of a claim's values, and how many there are; empty if there are none."""
     values = np.asarray(values, dtype=float) + 0.0  # no -0.0

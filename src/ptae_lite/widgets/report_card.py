@@ -15,25 +15,33 @@ MARKS = {HELD: "●", CAVEAT: "◐", NOT_HELD: "○", NOT_TESTABLE: "–"}
 COLUMNS = ("claim", "paper", "ours", "this run", "verdict")
 
 
-def link(chapter: str, heading: str) -> str:
-    """The address of a chapter's heading: on the site, or among the notebooks in JupyterLab."""
+def link(chapter: str, heading: str, book: str = "") -> str:
+    """The address of a chapter's heading: on the site, or among the notebooks in JupyterLab.
+
+    Args:
+        book: the way to the chapters' folder: "" or "../".
+    """
     if not for_site():
-        return f"{chapter}.ipynb#{heading.replace(' ', '-')}"
-    return f"{chapter}.html#{re.sub(r'[^a-z0-9_ -]', '', heading.lower()).replace(' ', '-')}"
+        return f"{book}{chapter}.ipynb#{heading.replace(' ', '-')}"
+    return f"{book}{chapter}.html#{re.sub(r'[^a-z0-9_ -]', '', heading.lower()).replace(' ', '-')}"
 
 
-def table(card: pd.DataFrame) -> HTML:
-    """The rows of `paper.report_card.card`, with a heading for each group."""
+def table(card: pd.DataFrame, book: str = "") -> HTML:
+    """The rows of `paper.report_card.card`, with a heading for each group.
+
+    Args:
+        book: the way to the chapters' folder: "" or "../".
+    """
     lines = ['<table class="dataframe report-card"><thead><tr>']
     lines += [f"<th>{name}</th>" for name in COLUMNS] + ["</tr></thead><tbody>"]
     for group, rows in card.groupby("group", sort=False):
         lines.append(f'<tr><th colspan="{len(COLUMNS)}">{escape(group)}</th></tr>')
-        lines += [_row(row) for row in rows.to_dict("records")]
+        lines += [_row(row, book) for row in rows.to_dict("records")]
     return HTML("\n".join([*lines, "</tbody></table>"]))
 
 
-def _row(row: dict) -> str:
-    where = escape(link(row["chapter"], row["heading"]), quote=True)
+def _row(row: dict, book: str) -> str:
+    where = escape(link(row["chapter"], row["heading"], book), quote=True)
     cells = [f'<a href="{where}">{escape(row["claim"])}</a>']
     cells += [escape(row[name]) for name in ("paper", "ours", "this run")]
     judged = f"{MARKS[row['verdict']]}&nbsp;{row['verdict']}"
