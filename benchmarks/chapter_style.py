@@ -27,9 +27,10 @@ ROOT = Path(__file__).resolve().parents[1]
 BOOK = ROOT / "book"
 RETOLD = [  # grows with each chapter that is rewritten
     "01_simulation", "02_vision", "03_crossmodal_transformer", "04_limited_supervision",
-    "05_incongruence", "06_closed_loop", "07_report_card", "in_depth/01_motion", "in_depth/02_comparing_encoders",
-    "in_depth/03_family", "in_depth/03_training", "in_depth/03_execute", "in_depth/04_few_labels",
-    "in_depth/04_how_often", "in_depth/05_conflict", "in_depth/06_acting", "in_depth/07_card",
+    "05_incongruence", "06_closed_loop", "07_report_card", "in_depth/01_motion",
+    "in_depth/02_comparing_encoders", "in_depth/03_family", "in_depth/03_training",
+    "in_depth/03_execute", "in_depth/04_few_labels", "in_depth/04_how_often",
+    "in_depth/05_conflict", "in_depth/06_acting", "in_depth/07_card",
 ]  # fmt: skip
 FOLDED = {"hide-input", "remove-input", "hide-cell", "remove-cell"}
 COLUMNS = 79  # of a line of code that is shown
