@@ -1,5 +1,6 @@
 """What a teacher reads of the chapters: outcomes, minutes, and answers to all exercises."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,40 @@ from ptae_lite.book import outcomes
 from ptae_lite.errors import ArtefactError
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
+ANSWER = re.compile(r'^## (\d\d), (\d+): "([^"\n]+)"\n\n(.+?)(?=^## |\Z)', re.M | re.S)
+
+
+def test_each_outcome_is_taught_and_each_section_and_exercise_serves_one():
+    served = outcomes.served(BOOK)
+    used = {place for of in served.values() for places in of.values() for place in places}
+    for lesson in outcomes.lessons(BOOK):
+        taught = {place for places in served[lesson.name].values() for place in places}
+        timed = {title for title, minutes in lesson.minutes.items() if minutes}
+        assert timed <= taught, (lesson.name, timed - taught)
+        assert {f"end {i + 1}" for i in range(len(lesson.at_end))} <= taught, lesson.name
+    numbers = {one.number for sheet in outcomes.Exercises(BOOK / "exercises").sheets
+               for one in sheet.exercises}  # fmt: skip
+    assert numbers <= used, numbers - used
+
+
+def test_each_section_of_a_chapter_has_its_minutes():
+    for lesson in outcomes.lessons(BOOK):
+        without = {title for title, minutes in lesson.minutes.items() if minutes is None}
+        assert without <= {"Summary", "How this differs from the paper", "Exercises"}, lesson.name
+        limit = 95 if lesson.name.startswith("03") else 65
+        assert 25 < sum(filter(None, lesson.minutes.values())) <= limit, lesson.name
+
+
+def test_each_exercise_at_a_chapters_end_has_an_answer():
+    text = (BOOK / "exercises" / "chapter_answers.md").read_text("utf-8")
+    answers = {(chapter, int(number)): (words, answer)
+               for chapter, number, words, answer in ANSWER.findall(text)}  # fmt: skip
+    asked = {(lesson.name[:2], i): one for lesson in outcomes.lessons(BOOK)
+             for i, one in enumerate(lesson.at_end, start=1)}  # fmt: skip
+    assert set(answers) == set(asked)
+    for key, (words, answer) in answers.items():
+        assert words in asked[key].replace("*", ""), key
+        assert len(answer.split()) > 25, key
 
 
 # ---------------------------------------------------------------- a small book
