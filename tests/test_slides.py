@@ -239,7 +239,7 @@ def test_the_course_has_its_slides(monkeypatch, tmp_path, chapter):
     monkeypatch.setattr(lecture, "ran", lambda md: chapter)
     asked = []
     made = lecture.files(book, asked.append)
-    assert [md.name for md in asked] == ["01_a.md", "data_sheet.md"]
+    assert [md.name for md in asked] == ["data_sheet.md", "01_a.md"]
     assert {"slides/01_a.html", "slides/index.html", "data_sheet.html",
             "slides/_static/reveal/reveal.js", "slides/_static/reveal/LICENSE",
             "slides/_static/scene.js"} < set(made)  # fmt: skip

@@ -37,6 +37,10 @@ def files(book: Path, show: Callable[[Path], None] = lambda md: None) -> dict[st
         show: called with the source of each page before it runs.
     """
     made, titles = {}, {}
+    for md in (Path(book, f"{name}.md") for name in PAGES):  # first, for they are quick to fail
+        if md.is_file():
+            show(md)
+            made[f"{md.stem}.html"] = document(ran(md)).encode()
     for md in filter(Path.is_file, chapter_files(book)):
         show(md)
         sections = slides.cut(ran(md))
@@ -45,10 +49,6 @@ def files(book: Path, show: Callable[[Path], None] = lambda md: None) -> dict[st
     if titles:
         made["slides/index.html"] = contents(titles).encode()
         made |= {f"slides/_static/{name}": data for name, data in scripts().items()}
-    for md in (Path(book, f"{name}.md") for name in PAGES):
-        if md.is_file():
-            show(md)
-            made[f"{md.stem}.html"] = document(ran(md)).encode()
     return made
 
 
