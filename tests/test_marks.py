@@ -174,6 +174,14 @@ def test_a_way_without_a_value_is_an_error():
         numbers.ask(notebook)
 
 
+@pytest.mark.parametrize("how", ["{far:.0f}\n%", "{near\n+ far}", "{near\n> - far}"])
+def test_a_comment_may_not_break_where_a_page_ends_the_paragraph(how):
+    notebook = new_notebook(cells=[new_markdown_cell(f"Far: 59<!--{how}-->")])
+    with pytest.raises(ArtefactError, match="break it elsewhere"):
+        numbers.ask(notebook)
+    numbers.ask(new_notebook(cells=[new_markdown_cell("Far: 59<!--{near +\n> far} mm-->")]))
+
+
 def test_other_comments_and_code_are_left_alone():
     cells = [new_markdown_cell("One <!-- not {yet --> and 2<!-- plain -->"),
              new_code_cell("print('3<!--{x}-->')")]  # fmt: skip

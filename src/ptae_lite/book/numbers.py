@@ -33,11 +33,17 @@ def ways(text: str) -> list[str]:
     """The comments that make the numbers of a text, in order.
 
     Raises:
-        ArtefactError: a comment has no value before it.
+        ArtefactError: a comment has no value before it, or breaks where the page would not have it.
     """
     found = [found["how"] for found in NUMBER.finditer(text)]
     if len(found) != len(COMMENT.findall(text)):
         raise ArtefactError("A comment with {...} has no value before it; write a ? to begin with.")
+    for how in found:
+        if broken := re.search(r"\n[> ]*(?P<sign>[-+*] |%).*", how):  # a list, or MyST's comment
+            raise ArtefactError(
+                f"A line inside a comment begins with {broken['sign'].strip()}, and the page would "
+                f"end the paragraph there; break it elsewhere: {broken[0].strip()}"
+            )
     return [re.sub(r"\s*\n[> ]*\s*", " ", how) for how in found]
 
 
