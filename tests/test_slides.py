@@ -84,7 +84,10 @@ def chapter():
     quiet = new_code_cell(
         "import x\ntier()",
         metadata={"tags": ["hide-input"]},
-        outputs=[new_output("execute_result", {"text/plain": "'replay'"})],
+        outputs=[
+            new_output("execute_result", {"text/plain": "'replay'"}),
+            new_output("display_data", {"text/html": "<span>2 of 2 done</span>"}),
+        ],
     )
     return new_notebook(cells=[
         new_markdown_cell(TOLD), quiet, new_markdown_cell(SECTION), folded,

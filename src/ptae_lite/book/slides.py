@@ -33,6 +33,7 @@ from ptae_lite.book import marks, notebooks, numbers
 LEFT_OUT = ("Exercises",)  # sections: they are notebooks of their own
 LEADS_AWAY = "In depth"  # title of the boxes that are only links
 GUESS = 'data-ptae-embed="guess"'
+SEEN = re.compile(r"<(?:img|svg|table|iframe|input|select|button)\b")  # more than a line of text
 IMAGES = {"image/svg+xml": "svg+xml", "image/png": "png", "image/jpeg": "jpeg"}
 KINDS = {"heading_open", "paragraph_open", "blockquote_open", "math_block", "table_open"}
 LISTS = {"bullet_list_open", "ordered_list_open"}
@@ -175,7 +176,9 @@ def _output(output: NotebookNode) -> tuple[str, str] | None:
         return ("printed", output.text) if output.name == "stdout" else None
     data = output.get("data", {})
     if html := data.get("text/html"):
-        return "guess" if GUESS in html else "figure", html
+        if GUESS in html:
+            return "guess", html
+        return ("figure", html) if SEEN.search(html) else None
     for mime, kind in IMAGES.items():
         if mime in data:
             return (
