@@ -181,6 +181,22 @@ def test_the_verdict_rests_on_three_seeds_whose_ranges_of_colours_do_not_touch(r
             assert apart.min() > same[same["encoder"] != SEPARATED][column].max()
 
 
+def overlap(table, column, first, second):
+    """Whether the ranges over the seeds of two eyes share a value."""
+    one, two = (table[table["encoder"] == name][column] for name in (first, second))
+    return one.min() <= two.max() and two.min() <= one.max()
+
+
+def test_where_the_ranges_overlap_is_where_the_verdict_says_so(rows):
+    seen, compute = (encoders_table.at(rows, lengths) for lengths in encoders_table.EQUAL.values())
+    for column, both in (("first_place_mm", True), ("last_act", True),
+                         ("first_both", False), ("last_both", False)):  # fmt: skip
+        assert overlap(seen, column, SEPARATED, PLAIN_30) == both
+    assert not overlap(compute, "first_place_mm", SEPARATED, PLAIN_30)
+    for column in ("last_act", END, "pixel_error"):
+        assert overlap(compute, column, SEPARATED, PLAIN_30)
+
+
 @pytest.fixture(scope="module")
 def longest(rows):
     """Test scores of the greatest lengths, by eye and seed."""

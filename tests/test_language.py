@@ -135,6 +135,17 @@ def test_each_meaning_has_three_training_patterns_and_one_for_the_test():
     assert counts == {(m, s): n for m in MEANINGS for s, n in (("train", 3), ("test", 1))}
 
 
+def test_the_test_holds_actions_that_are_rarer_in_their_arrangement():
+    """So what leaks from an arrangement misleads: a probe of first frames is below chance."""
+    trained = Counter(
+        (p.arrangement, p.action, p.side) for p in language.patterns() if p.split == "train"
+    )
+    for p in language.patterns():
+        if p.split == "test":
+            most = max(n for (scene, *_), n in trained.items() if scene == p.arrangement)
+            assert trained[p.arrangement, p.action, p.side] < most
+
+
 def test_the_named_cube_stands_on_the_acted_side():
     for p in language.patterns():
         assert p.meaning == (p.action, {"left": p.left, "right": p.right}[p.side], p.speed)

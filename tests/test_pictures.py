@@ -97,6 +97,12 @@ def test_lines_have_their_names():
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["a", "b", "c"]
 
 
+def test_lines_can_have_the_colours_of_what_they_show():
+    curve = (np.arange(3), np.arange(3))
+    figure = drawn(simulation_plots.lines({"a": curve, "b": curve}, "", "", colours=["red", "b"]))
+    assert [line.get_color() for line in figure.axes[0].lines] == ["red", "b"]
+
+
 def test_joints_are_in_degrees_over_seconds():
     track = np.radians(np.arange(50)[:, None] + np.zeros(5))
     figure = drawn(simulation_plots.joints({"slow": [track, track], "fast": [track]}))

@@ -144,11 +144,18 @@ def _faces(shape: arm.Shape) -> list[np.ndarray]:
     return [*sides, *caps]
 
 
-def lines(curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None, **axis) -> Figure:
-    """Named curves (x, y), and named points as `dots`. `axis` goes to matplotlib's `Axes.set`."""
+def lines(
+    curves: Mapping[str, tuple], x_label: str, y_label: str, *, dots=None, colours=(), **axis
+) -> Figure:
+    """Named curves (x, y), and named points as `dots`. `axis` goes to matplotlib's `Axes.set`.
+
+    Args:
+        colours: of the curves, in their order, where they are not the usual ones.
+    """
     figure, axes = plt.subplots(figsize=(6.4, 2.3))
-    for (name, (x, y)), dash in zip(curves.items(), ("-", "--", "-.", ":") * 2, strict=False):
-        axes.plot(x, y, dash, label=name)
+    for i, (name, (x, y)) in enumerate(curves.items()):
+        colour = colours[i] if colours else None
+        axes.plot(x, y, ("-", "--", "-.", ":")[i % 4], label=name, color=colour)
     for name, (x, y) in (dots or {}).items():
         axes.plot(x, y, "o", color="black", ms=4, label=name)
     axes.set(xlabel=x_label, ylabel=y_label, **axis)
