@@ -119,8 +119,8 @@ def test_attention_has_a_column_a_signal_and_a_line_an_input():
         "describe": {"regular": shares, "conflict": shares / 2},
         "execute": {"regular": shares},
     }
-    film = np.zeros((6, 6, 8, 3), np.uint8)
-    grid = np.reshape(conflict_plots.attention(looks, film).axes, (5, 2))
+    shots = np.zeros((6, 6, 8, 3), np.uint8)
+    grid = np.reshape(conflict_plots.attention(looks, shots).axes, (5, 2))
     assert [axes.get_title() for axes in grid[0]] == list(looks)
     assert all(len(axes.images) == 1 for axes in grid[0])
     for head, axes in enumerate(grid[1:, 0]):
@@ -136,7 +136,7 @@ def drawn(axes):
 
 def test_a_cost_is_drawn_for_each_seed(table):
     paid = damage(table)
-    for axes, signals in zip(conflict_plots.costs(paid).axes, (("describe", "repeat language"),
+    for axes, signals in zip(conflict_plots.price(paid).axes, (("describe", "repeat language"),
                                                                ("repeat action", "execute")),
                              strict=True):  # fmt: skip
         assert [label.get_text() for label in axes.get_yticklabels()] == list(signals)

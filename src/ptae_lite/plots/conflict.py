@@ -22,7 +22,7 @@ CUBE = {"language": "colour", "action": "position"}  # the aspect of the cube
 WIDTH = 5.6  # inches; text stays readable on a phone
 
 
-def costs(paid: pd.DataFrame) -> Figure:
+def price(paid: pd.DataFrame) -> Figure:
     """What the format costs (hollow) and what three conflicts cost on top (filled), by seed.
 
     Args:
@@ -128,16 +128,16 @@ def single(table: pd.DataFrame) -> Figure:
 
 def attention(
     weights: Mapping[str, Mapping[str, Float[np.ndarray, "heads T"]]],
-    film: UInt8[np.ndarray, "shots height width 3"],
+    shots: UInt8[np.ndarray, "shots height width 3"],
 ) -> Figure:
     """Where each head attends over a clip: a column for each signal, a line for each input.
 
     Args:
         weights: signal to input to the share of each frame.
-        film: pictures from the first to the last frame, shown above each column.
+        shots: pictures from the first to the last frame, shown above each column.
     """
     heads = len(next(iter(next(iter(weights.values())).values())))
-    strip = np.concatenate(list(film), axis=1)
+    strip = np.concatenate(list(shots), axis=1)
     figure, grid = plt.subplots(
         1 + heads, len(weights), figsize=(WIDTH, 1.2 + 1.1 * heads), squeeze=False, sharex="col",
         gridspec_kw={"height_ratios": [0.55, *[1] * heads]},
