@@ -5,12 +5,15 @@ import sys
 from dataclasses import replace
 from functools import partial
 
+import hypothesis
 import jaxtyping
 import numpy as np
 import pytest
 
 # PyTorch is imported by the tests that need it: it is 150 MB in the process that hands tests out.
 os.environ["OMP_NUM_THREADS"] = "1"
+hypothesis.settings.register_profile("ptae", deadline=None)  # a busy machine is no failure
+hypothesis.settings.load_profile("ptae")
 jaxtyping.install_import_hook("ptae_lite", "typing_rules.checked")
 
 FEATURES = 6

@@ -59,6 +59,7 @@ far_mm = {"push": 59.2}
 ```
 
 A *clip* goes **?<!--{far_mm["push"]:.0f} mm-->**, as figure 1.1 shows. Another *clip* does not.
+It says "?<!--{"push " + "red"}-->".
 
 **Figure 1.1.** What to see.
 
@@ -143,6 +144,7 @@ def test_a_page_has_boxes_captions_links_and_numbers(written, tmp_path):
     body = page.split("<article")[1].split("</article")[0]
     assert '<p class="minutes"><em>8 minutes</em></p>' in body
     assert "<strong>59\N{NO-BREAK SPACE}mm</strong>" in body and "<!--{" not in body
+    assert "It says “push\N{NO-BREAK SPACE}red”." in body
     assert "json" not in body  # nothing is left of the cells that asked
     assert body.count('href="glossary.html#term-Clip"') == 1
     assert '<p class="caption-below" id="figure-1-1">' in body and 'href="#figure-1-1"' in body

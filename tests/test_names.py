@@ -23,6 +23,7 @@ REPLACED = (
 SOURCE = ROOT / "src" / "ptae_lite"
 CODE = [ROOT / "run.py", *sorted(SOURCE.rglob("*.py")), *sorted((ROOT / "benchmarks").glob("*.py"))]
 PAGES = sorted((ROOT / "book").glob("*.md")) + sorted((ROOT / "book" / "exercises").glob("*.md"))
+PAGES += sorted((ROOT / "book" / "in_depth").glob("*.md"))
 
 
 def identifiers(source: str) -> set[str]:

@@ -22,7 +22,7 @@ from nbformat.v4 import new_code_cell
 from ptae_lite.errors import ArtefactError
 
 TAG = "numbers"  # of the cells that are put in while a chapter runs, and taken out again
-SHOWN = r"[^ \t\n<>*_()\[\]\"]+"
+SHOWN = r"[^ \t\n<>*_()\[\]\"\u201c\u201d]+"  # nor quotes, also as Sphinx sets them
 HOW = r"<!--(?P<how>(?:(?!-->)[^{}])*\{(?:(?!-->).)*\}(?:(?!-->)[^{}])*)-->"
 NUMBER = re.compile(f"(?P<shown>{SHOWN}){HOW}", re.DOTALL)
 COMMENT = re.compile(HOW, re.DOTALL)
