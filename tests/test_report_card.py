@@ -12,6 +12,7 @@ import torch
 
 from ptae_lite import artefacts
 from ptae_lite.data.samples import load_samples
+from ptae_lite.experiments import incongruence_table
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import claim_metrics, report_card, reported
 from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables, always, number
@@ -73,7 +74,7 @@ def test_the_sentence_beside_a_verdict_belongs_to_it():
     ("short", "long", "upwards", "verdict"),
     [([9, 8], [9, 8], True, (NOT_HELD, "for that 8 times the updates bring it hardly nearer.")),
      ([9, 8], [12, 13], True,
-      (NOT_TESTABLE, "8 times the updates bring it 4 % nearer; more was not tried.")),
+      (NOT_TESTABLE, "8 times the updates bring it 4 points nearer; more was not tried.")),
      ([9, 8], [12, 13], False,
       (NOT_HELD, "for that 8 times the updates bring it hardly nearer.")),
      ([9, 8], [99, 98], True,
@@ -295,6 +296,40 @@ def test_what_the_chapter_says_of_the_groups(rows):
     more = by_claim.loc[["Three conflicts, describe", "Three conflicts, repeat action"]]
     assert not held[more.index].any()
     assert held["Three conflicts, execute"]
+    # one list says otherwise at two percent, and that list has no long training
+    few = report_card.stored().supervision
+    few = few[(few["mode"] == "samples") & (few["share"] == 2)]
+    ahead = claim_metrics.ahead("describe_accuracy", "samples", 2)(report_card.stored())
+    (other,) = ahead.index[ahead < 0]
+    assert other not in set(few[few["variant"] == "long"]["seed"])
+
+
+@pytest.mark.parametrize(
+    ("claim", "regular", "more"),
+    [
+        ("Three conflicts, describe", "PTAE describes", True),
+        ("Three conflicts, execute", "PTAE executes", True),
+        ("Three conflicts, repeat action", "PTAE repeats actions", True),
+        ("One conflict, repeat language", "PTAE repeats language", False),
+        ("Two conflicts, repeat language", "PTAE repeats language", False),
+    ],
+)
+def test_conflicts_cost_more_than_in_the_paper_but_for_repeat_language(rows, claim, regular, more):
+    rows = rows.set_index("claim")
+    ours, paper = (
+        abs(rows.loc[claim, name] - rows.loc[regular, name]) for name in ("median", "paper")
+    )
+    assert (ours > paper) == more
+
+
+def test_a_true_extra_input_does_ptae_little_harm_but_half_of_it_in_one_two_way_training():
+    table = report_card.stored().incongruence
+    paid = incongruence_table.damage(table[table["model"] == "ptae"])
+    assert (paid["format"] < 0.12 * paid["conflict"]).all()
+    two = incongruence_table.damage(table[table["model"] == "ptae_two_way"])
+    two = two[two["signal"] == "repeat action"]
+    part = two["format"] / (two["format"] + two["conflict"])
+    assert (part > 0.4).sum() == 1 and part.max() < 0.6
 
 
 def test_the_findings_that_the_chapter_draws():
@@ -309,4 +344,4 @@ def test_the_findings_that_the_chapter_draws():
     labels = labels[labels["variant"].isin(["balanced", "random"]) | (labels["share"] == 100)]
     means = labels.groupby(["share", "model"])["describe_accuracy"].mean().unstack()
     lead = means["linear"] - means["ptae"]
-    assert lead[2] < 0 and (lead[[5, 10, 20]] > 0).all()
+    assert (lead[[1, 2, 50, 66.6, 100]] < 0).all() and (lead[[5, 10, 20]] > 0).all()

@@ -68,7 +68,8 @@ def verdict(claim: ClaimTest, tables: Tables) -> tuple[str, str]:
         return NOT_TESTABLE, f"{LONGER} there, in the trainings that are as long."
     nearer = (long - short).mean() * (1 if claim.upwards else -1)
     if nearer > MARGIN.get(claim.unit, MARGIN["%"]):
-        return NOT_TESTABLE, f"{LONGER} {nearer:.0f} {claim.unit} nearer; more was not tried."
+        unit = "points" if claim.unit == "%" else claim.unit
+        return NOT_TESTABLE, f"{LONGER} {nearer:.0f} {unit} nearer; more was not tried."
     return NOT_HELD, " ".join(filter(None, (claim.remark, f"{LONGER} hardly nearer.", one)))
 
 

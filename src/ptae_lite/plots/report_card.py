@@ -24,7 +24,7 @@ LOOKS = {  # a verdict by colour and by the form of its mark
 }  # fmt: skip
 GOOD = "#D5EBE1"  # where ours has to lie
 TITLES = {"%": "answers in words, % right", "% NRMSE": "movements, error in % (NRMSE)",
-          "": "claims in words: what our trainings show"}  # fmt: skip
+          "": "claims in words: our median (lowest to highest)"}  # fmt: skip
 LINE = 0.165  # inches of a line of text
 LABEL, TEXT = 46, 60  # characters of a claim and of our values, in a line
 
