@@ -160,6 +160,9 @@ def test_new_families_are_confused_and_displaced_cubes_missed(table, rates):
         assert rates[condition, "one_look_policy"].median() < rates["test", "one_look_policy"].min()
     new = of(table, "one_look_policy", "new_family").query("success == 0")["reason"]
     assert new.value_counts(normalize=True)["the other cube was moved"] > 0.7
+    far = of(table, "one_look_policy", "displaced").query("success == 0")["reason"]
+    little = "the cube went too little that way"
+    assert far.value_counts(normalize=True)[little] > 0.5
     fell = of(table, "one_look_policy", "displaced")["reason"] == "the cube fell off the table"
     assert fell.sum() == 1
     done = table[table["success"] == 1]

@@ -36,3 +36,12 @@ def test_each_model_is_named_beside_one_of_its_marks(left, at):
     scores = rates.assign(execute_nrmse=[1.0, 0.5, 3.0])[["model", "seed", "execute_nrmse"]]
     (axis,) = closed_loop.error_against_success(rates, scores, {"a": "A", "b": "B"}, left).axes
     assert {text.get_text(): text.xy[0] for text in axis.texts} == {"A": at, "B": 3}
+
+
+def test_a_success_is_joined_with_that_of_the_same_seed():
+    rates = pd.DataFrame(
+        {"model": ["a", "a", "b", "b"], "seed": [0, 1, 1, 0], "success": [10, 20, 40, 30]}
+    )
+    (axis,) = closed_loop.by_model(rates, {"b": "B", "a": "A"}, {}).axes
+    lines = [list(line.get_xdata()) for line in axis.lines if line.get_linestyle() == "-"]
+    assert lines == [[30, 10], [40, 20]]

@@ -20,6 +20,7 @@ ENDS = {  # how an episode ends, with its colour; what is not listed is "another
     "the other cube was moved": style.RED,
 }
 OTHER_END = ("another reason", "#555555")
+REWORDED = {"the cube went too little that way": "named cube not moved far enough"}
 
 
 def loop() -> Figure:
@@ -38,20 +39,28 @@ def loop() -> Figure:
         ((0.55, 0.26), (0.235, 0.26)), ((0.12, 0.41), (0.12, 0.68)),
     ):  # fmt: skip
         axes.annotate("", end, start, arrowprops=arrow)
-    axes.text(0.39, 0.29, "next joints", color=style.BLUE, ha="center", va="bottom")
-    axes.text(0.135, 0.53, "what the arm has done", color=style.BLUE, va="center")
+    axes.annotate("", (0.555, 0.67), (0.235, 0.36), arrowprops=arrow)
+    axes.text(0.36, 0.38, "measured\njoints", color=style.BLUE, va="center")
+    axes.text(0.61, 0.46, "next\njoints", color=style.BLUE, ha="right", va="center")
+    axes.text(0.135, 0.55, "what the arm\nhas done", color=style.BLUE, va="center")
     axes.annotate("", (0.69, 0.78), (0.80, 0.78), arrowprops=arrow)
     axes.text(0.81, 0.78, "code: sentence\nand first image", color=style.BLUE, va="center")
     axes.annotate("", (0.665, 0.66), (0.80, 0.48),
                   arrowprops=arrow | {"color": style.RED, "linestyle": "--"})  # fmt: skip
-    axes.text(0.81, 0.44, "chapter 03:\nvideo of the\nright motion", color=style.RED, va="center")
+    axes.text(
+        0.81,
+        0.44,
+        "chapter 03: video of\nthe right motion,\nand its length",
+        color=style.RED,
+        va="center",
+    )
     axes.set(xlim=(0, 1), ylim=(0.1, 0.95))
     axes.set_axis_off()
     return style.closed(figure)
 
 
 def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, float]) -> Figure:
-    """Success of each model: a dot for each training, a bar at the median.
+    """Success of each model: a dot for each training, a bar at the median, a line for each seed.
 
     Args:
         rates: columns `model`, `seed` and `success` in percent.
@@ -63,6 +72,9 @@ def by_model(rates: pd.DataFrame, models: dict[str, str], references: dict[str, 
         values = rates[rates["model"] == model]["success"].to_numpy()
         axis.barh(y, np.median(values), color=style.SKY, height=0.6)
         axis.plot(values, np.full(len(values), y), "o", color=style.BLUE, markersize=5)
+    for _, own in rates[rates["model"].isin(list(models))].groupby("seed"):
+        values = own.set_index("model")["success"].reindex(list(models))
+        axis.plot(values, range(len(models)), "-", color=style.BLUE, linewidth=0.7, alpha=0.6)
     for (name, value), place in zip(references.items(), ("left", "right"), strict=False):
         axis.axvline(value, color=style.GREY, linestyle=":")
         axis.text(value, -0.75, f" {name} ", color=style.GREY, fontsize=8, ha=place)
@@ -115,7 +127,7 @@ def endings(table: pd.DataFrame, models: Mapping[str, str]) -> Figure:
             continue
         part = shares[reason].reindex(list(models)).fillna(0).to_numpy()
         bars = axis.barh(range(len(models)), part, left=start, height=0.66, color=colour,
-                         edgecolor="white", label=reason)  # fmt: skip
+                         edgecolor="white", label=REWORDED.get(reason, reason))  # fmt: skip
         texts = [f"{share:.0f}" if share >= 6 else "" for share in part]
         dark = colour in (style.ORANGE, "#B9B9B9")
         axis.bar_label(bars, texts, label_type="center", color="black" if dark else "white")
@@ -178,11 +190,14 @@ def ways(table: pd.DataFrame) -> Figure:
         rows = table[table["condition"] == name]
         other = rows["right_mm"].where(rows["side"] == "left", rows["left_mm"])
         x, y, good = rows["named_mm"].clip(-60, 120), other.clip(0, 120), rows["success"] == 1
-        axis.plot(x[good], y[good], "o", color=style.BLUE, markersize=3, label="done")
         axis.plot(x[~good], y[~good], "x", color=style.RED, markersize=4, label="not done")
+        axis.plot(x[good], y[good], "o", color=style.BLUE, markersize=3, label="done")
         axis.axvline(40, color=style.GREY, linestyle=":")
         axis.axhline(10, color=style.GREY, linestyle=":")
-        axis.set(title=name.replace("_", " "), xlabel="named cube, mm")
+        axis.set(
+            title=f"{name.replace('_', ' ')}\n{100 * good.mean():.0f} % done",
+            xlabel="named cube, mm",
+        )
     first = np.atleast_1d(axes)[0]
     first.set_ylabel("other cube, mm")
     figure.legend(*first.get_legend_handles_labels(), loc="outside upper center", ncols=2)
@@ -208,6 +223,8 @@ def strips(names: Mapping[str, str] | None = None, path=None) -> Figure:
             axis.imshow(image)
             axis.set_axis_off()
         model, rest = text.split(": ", 1)
+        for reason, words in REWORDED.items():
+            rest = rest.replace(reason, words)
         shown = (names or {}).get(model, model).removeprefix("+ ").removeprefix("or ")
         row[0].set_title(f"{shown}: {rest}", loc="left", fontsize=9)
     return style.closed(figure)
