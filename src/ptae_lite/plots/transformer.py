@@ -63,10 +63,10 @@ def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
     figure, axes = plt.subplots(4, 5, figsize=(7.4, 3.8), width_ratios=(1.1, 2, 2, 0.7, 0.9))
     first, last = [shots[0]] * len(shots), [shots[-1]] * len(shots)
     choose = {"clip": list(shots), "first": first, "last": last}
-    words = {"eos": "(nothing)", "sentence": text.replace(" ", "\n")}
+    words = {"eos": "end", "sentence": text.replace(" ", "\n")}
     for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
         wires = signals.WIRING[signal]
-        query = text.replace(" ", "\n") if wires.query == "sentence" else ""
+        query = text.replace(" ", "\n") if wires.query == "sentence" else "end"
         row[0].text(0.5, 1, signal, ha="center", va="top", weight="bold", color=style.BLUE)
         row[0].text(0.5, 0.8, query, ha="center", va="top")
         row[1].imshow(np.hstack(choose[wires.keys]))
@@ -84,14 +84,14 @@ def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
     return style.closed(figure)
 
 
-def bars(rows: Mapping[str, float], label: str, chance: float | None = None) -> Figure:
-    """Percentages as horizontal bars with their values; a dotted line at `chance`."""
+def bars(rows: Mapping[str, float], label: str, chance: Sequence[float] = ()) -> Figure:
+    """Percentages as horizontal bars with their values; a dotted line at the `chance` of each."""
     figure, axis = plt.subplots(figsize=(7, 0.38 * len(rows) + 0.7))
     axis.barh(range(len(rows)), rows.values(), color=style.BLUE, height=0.6)
     for y, value in enumerate(rows.values()):
         axis.text(min(value, 100) + 1, y, f"{value:.1f} %".replace(".0", ""), va="center")
-    if chance is not None:
-        axis.axvline(chance, color=style.RED, linestyle=":")
+    for y, level in enumerate(chance):
+        axis.plot([level, level], [y - 0.45, y + 0.45], color=style.RED, linestyle=":")
     axis.set_yticks(range(len(rows)), rows)
     axis.invert_yaxis()
     axis.set(xlabel=label, xlim=(0, 112))
