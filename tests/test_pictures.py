@@ -145,3 +145,15 @@ def test_components_are_stacked():
     tops = [patch.get_y() + patch.get_height() for patch in bars.patches]
     assert tops == [1, 2, 61, 39]
     assert plot.lines[0].get_ydata().tolist() == [30, 99]
+
+
+def test_a_chart_is_a_drawing_on_the_site_unless_it_has_pictures(monkeypatch):
+    figure, (left, right) = plt.subplots(1, 2)
+    left.plot([0, 1])
+    assert style.chart(figure).data[:4] == b"\x89PNG"
+    monkeypatch.setattr(style, "for_site", lambda: True)
+    with plt.rc_context(style.RC):
+        drawn = style.chart(figure)
+        assert "<svg" in drawn.data and drawn.data == style.chart(figure).data
+    right.imshow([[0, 1]])
+    assert style.chart(figure).data[:4] == b"\x89PNG"

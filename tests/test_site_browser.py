@@ -114,7 +114,7 @@ def check_scene(page, iframe):
     until(lambda: colours(pixels(pane)) > 100, message="the pane stays empty")
     drawn = pixels(pane)
     last = int(scene.locator("#frame").get_attribute("max"))
-    scene.locator("#speed").select_option("1")
+    scene.locator("#speed").select_option("0.25")  # it shall not end before we look
     scene.locator("#play").click()
     assert scene.locator("#play").inner_text() == "Pause"
     until(lambda: frame_number(scene) > 0, message="it does not play")
@@ -140,7 +140,14 @@ def test_every_scene_draws_and_moves_when_played(browser, name):
     with opened(browser) as page:
         go(page, name)
         scenes = page.locator(f"{SCENE}:visible").all()
-        assert scenes or page.locator(f"{PANEL} iframe").count()
+        if not scenes:  # the page has a panel that begins with words
+            _, control, count = controls_of(page.locator(PANEL).first)[0]
+            for position in range(count):
+                put(control, position)
+                scenes = scenes or page.locator(f"{SCENE}:visible").all()[:1]
+                if scenes:
+                    break
+        assert scenes
         for iframe in scenes:
             check_scene(page, iframe)
             assert iframe.content_frame.locator("#words").inner_text().startswith("Left cube: ")

@@ -7,6 +7,7 @@ import io
 import matplotlib
 import matplotlib.pyplot as plt
 from IPython import get_ipython
+from IPython.display import SVG
 from IPython.display import Image as DisplayedImage
 from matplotlib.figure import Figure
 from matplotlib_inline.backend_inline import set_matplotlib_formats
@@ -57,8 +58,14 @@ def png(figure: Figure) -> bytes:
     return small.getvalue()
 
 
-def chart(figure: Figure) -> DisplayedImage:
-    """The figure as the PNG of `png`, a third of the size that a notebook would make."""
+def chart(figure: Figure) -> DisplayedImage | SVG:
+    """The figure as the PNG of `png`, a third of the size that a notebook would make; on the site
+    as a drawing, unless there are pictures in it.
+    """
+    if for_site() and not any(axes.images for axes in figure.axes):
+        drawn = io.BytesIO()
+        _save(figure, drawn, format="svg", metadata={"Date": None})
+        return SVG(drawn.getvalue().decode())
     return DisplayedImage(png(figure), format="png")
 
 
@@ -71,7 +78,11 @@ def photo(figure: Figure) -> DisplayedImage:
 
 def _image(figure: Figure) -> Image.Image:
     drawn = io.BytesIO()
+    _save(figure, drawn, format="png", dpi=110)
+    return Image.open(drawn).convert("RGB")
+
+
+def _save(figure: Figure, file: io.BytesIO, **how) -> None:
     # with the default layout on, a tight save would change a figure that has no layout
     with plt.rc_context({"figure.constrained_layout.use": False}):
-        figure.savefig(drawn, format="png", dpi=110, bbox_inches="tight")
-    return Image.open(drawn).convert("RGB")
+        figure.savefig(file, bbox_inches="tight", **how)
