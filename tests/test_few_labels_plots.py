@@ -19,6 +19,10 @@ def test_a_strip_shows_each_value_and_the_mean():
     assert [list(dot.get_xdata()) for dot in dots] == list(rows.values())
     assert texts(left) == ["mean 2", "mean 10"] and texts(right) == ["mean 5", "mean 10"]
     assert left.get_xlim()[1] > 12 and left.get_title() == "one"
+    (axes,) = plots.strips({"": rows}, "%", chance=3.0).axes
+    dotted = [line for line in axes.lines if line.get_linestyle() == ":"]
+    assert [list(line.get_xdata()) for line in dotted] == [[3, 3]]
+    assert " chance" in texts(axes)
 
 
 def test_curves_are_named_and_their_names_keep_apart():

@@ -19,11 +19,14 @@ DASHES = ("-", "--", "-.", ":")
 SHARES = (1, 2, 5, 10, 20, 50, 100)  # ticks of an axis of shares
 
 
-def strips(panels: Mapping[str, Mapping[str, Collection[float]]], x_label: str) -> Figure:
+def strips(
+    panels: Mapping[str, Mapping[str, Collection[float]]], x_label: str, chance: float | None = None
+) -> Figure:
     """A dot for each value, in named rows; each row ends in its mean.
 
     Args:
         panels: title to the rows of a panel. All panels have the same rows.
+        chance: what guessing would give, as a dotted line.
     """
     rows = list(next(iter(panels.values())))
     size = (6.6, 0.95 + 0.42 * len(rows))
@@ -36,6 +39,9 @@ def strips(panels: Mapping[str, Mapping[str, Collection[float]]], x_label: str) 
             axes.plot([np.mean(values)] * 2, [i - 0.33, i + 0.33], color=COLOURS[i], lw=2)
             axes.text(1.34 * highest, i, f"mean {np.mean(values):.0f}", color=COLOURS[i],
                       ha="right", va="center")  # fmt: skip
+        if chance is not None:
+            axes.axvline(chance, color=style.GREY, ls=":", lw=1.2)
+            axes.text(chance, len(rows) - 0.52, " chance", color=style.GREY, va="bottom")
         axes.set(title=title, xlabel=x_label, xlim=(-0.02 * highest, 1.35 * highest))
         axes.set_yticks(range(len(rows)), rows if axes is grid[0, 0] else [""] * len(rows))
         axes.set_ylim(len(rows) - 0.5, -0.5)
