@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import torch
 
-from ptae_lite.data.samples import Samples
+from ptae_lite.data.samples import MAX_FRAMES, Samples
 from ptae_lite.data.signals import TOKENS_IN, Batch, Source
 from ptae_lite.evaluation import nrmse, poses, respond
 from ptae_lite.language import EOS, TOKENS, WORD_INDEX, words_of
@@ -41,6 +41,16 @@ def swapped_speed(batch: Batch) -> Batch:
 def frozen_video(batch: Batch) -> Batch:
     """Control: the action decoder sees the first frame at every step."""
     return replace(batch, video=batch.video[:, :1].expand_as(batch.video))
+
+
+def false_padding(batch: Batch) -> Batch:
+    """Control of tasks with a still image as keys: a slow clip seems to end early, a fast one late.
+
+    The keys of a slow clip are padded like a fast clip's, and those of a fast clip are full.
+    """
+    shown = MAX_FRAMES + MAX_FRAMES // 2 - batch.frames  # 50 for 100, and 100 for 50
+    present = torch.arange(MAX_FRAMES) < shown[:, None]
+    return replace(batch, keys=batch.keys[:, :1] * present[:, :, None])
 
 
 CONTROLS = {
