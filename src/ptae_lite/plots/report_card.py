@@ -96,7 +96,9 @@ def by_group(rows: pd.DataFrame) -> Figure:
     return style.closed(figure)
 
 
-def _lay_out(part: pd.DataFrame, widths, in_words: bool) -> tuple[list[str], np.ndarray, np.ndarray]:
+def _lay_out(
+    part: pd.DataFrame, widths, in_words: bool
+) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Labels of the rows and of the groups' headings, their places in lines, and which are bold."""
     labels, places, bold, y = [], [], [], 0.0
     for group, rows in part.groupby("group", sort=False):
