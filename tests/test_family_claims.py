@@ -319,6 +319,8 @@ def test_what_is_described_wrongly_is_a_colour_of_a_rare_pair(asked):
     shown = pd.Series([p.arrangement for p in patterns() if p.split == "train"]).value_counts()
     for index in samples.pattern[wrong]:
         assert shown[patterns()[index].arrangement] == shown.min()
+    rare = [shown[patterns()[index].arrangement] == shown.min() for index in samples.pattern[test]]
+    assert sum(rare) > 2 * len(wrong)
 
 
 def test_heads_look_at_home_at_the_stroke_and_at_the_padding(asked):
