@@ -340,18 +340,15 @@ def test_heads_look_at_home_at_the_stroke_and_at_the_padding(asked):
 
 
 def test_of_the_words_of_execute_only_the_action_word_matters(asked, rows):
-    ptae, samples, source, test = asked
-
-    def error(change):
-        answer = evaluation.respond(ptae, source, test, "execute", change=change)
-        return evaluation.nrmse(
-            evaluation.poses(answer, ptae.scaling), samples, test, ptae.scaling
-        )[0]
-
+    ptae, samples, *_ = asked
+    changes = {of: incongruence.false_word(of) for of in ("action", "colour")}
+    changes["padding"] = controls.false_padding
+    error = {name: paper for name, (paper, _) in
+             controls.execute_errors(ptae, samples, changes).items()}  # fmt: skip
     own = rows[(rows["variant"] == "PTAE") & (rows["seed"] == 0)].iloc[0]
     assert own["execute_sentences_shuffled"] > 1.2 * own["execute_nrmse"]
     assert own["execute_sentence_blanked"] > own["execute_sentences_shuffled"]
-    assert error(incongruence.false_word("action")) > own["execute_sentence_blanked"]
-    assert error(incongruence.false_word("colour")) < 1.05 * own["execute_nrmse"]
+    assert error["action"] > own["execute_sentence_blanked"]
+    assert error["colour"] < 1.05 * own["execute_nrmse"]
     assert own["execute_speed_word_swapped"] < 1.05 * own["execute_nrmse"]  # and chapter 06:
-    assert error(controls.false_padding) > 3 * own["execute_nrmse"]
+    assert error["padding"] > 3 * own["execute_nrmse"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import torch
@@ -62,15 +63,18 @@ CONTROLS = {
 }
 
 
-def execute_errors(trained: Trained, samples: Samples, split: str = "test") -> dict[str, tuple]:
-    """NRMSE (paper's, valid) of *execute* under each control.
+def execute_errors(
+    trained: Trained, samples: Samples, changes: Mapping[str, Callable[[Batch], Batch]] = CONTROLS,
+    split: str = "test",
+) -> dict[str, tuple]:  # fmt: skip
+    """NRMSE (paper's, valid) of *execute* under each control, or other change of a batch.
 
     A model never met a blank sentence or a frozen video in training, so this alone may cause a part
     of the error. Shuffled sentences and swapped words are ordinary sentences.
     """
     source, indices = Source(trained.dataset(samples)), samples.split(split)
     results = {}
-    for name, change in CONTROLS.items():
+    for name, change in changes.items():
         answer = respond(trained, source, indices, "execute", change=change)
         results[name] = nrmse(poses(answer, trained.scaling), samples, indices, trained.scaling)
     return results
