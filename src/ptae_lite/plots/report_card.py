@@ -1,4 +1,4 @@
-"""Figures of the report card: every claim in one picture, and verdicts by group."""
+"""Figures of the report card: claims with their numbers and verdicts, and verdicts by group."""
 
 from __future__ import annotations
 
