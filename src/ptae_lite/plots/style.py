@@ -19,6 +19,9 @@ from ptae_lite.run_mode import for_site
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, GREY = "#CC79A7", "#56B4E9", "#6B6B6B"
 
+MODELS = {  # one colour a model, on all pages
+    "PTAE": BLUE, "PGAE": ORANGE, "PVAE": GREEN, "PRAE": RED, "linear baseline": PURPLE,
+}  # fmt: skip
 _INK = {ORANGE: "#8A6000", GREEN: "#007A59", RED: "#B34E00", PURPLE: "#A3527E", SKY: "#2177B0"}
 
 WIDTH = 4.4  # inches; in this width a figure is read on a phone as on a laptop, without scaling
