@@ -160,7 +160,7 @@ class Card:
             f'<span style="width:{share:.1f}%;background:{_fill(who)}"></span>'
             for who, share in shares.items() if share
         )  # fmt: skip
-        texts = ", ".join(f"{who} {share:.0f}&nbsp;%" for who, share in shares.items())
+        texts = ", ".join(f"{who} {share:.0f} %" for who, share in shares.items())
         return (
             f"<p>All 216 test clips, mean of {rows['seed'].nunique()} models: {score}. "
             f"They follow: {texts}.</p>"
