@@ -64,16 +64,16 @@ def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
     words = {"eos": "end", "sentence": text}
     for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
         wires = signals.WIRING[signal]
-        moves = "as in the clip" if wires.joints == "clip" else "not at all"
+        moves = "the motion" if wires.joints == "clip" else "hold still"
         row[0].set_title(signal, loc="left", weight="bold", color=style.BLUE)
         row[1].set_title(f"query: {words[wires.query]}", loc="left", fontsize=9)
         for axis, wire, name, out in (
-            (row[0], wires.keys, "keys", f"says: {words[wires.words]}"),
-            (row[1], wires.video, "decoder's video", f"moves: {moves}"),
+            (row[0], wires.keys, "keys", f"words: {words[wires.words]}"),
+            (row[1], wires.video, "decoder's video", f"joints: {moves}"),
         ):
             axis.imshow(np.hstack(choose[wire]))
             axis.set_xlabel(name, loc="left", color=style.GREY)
-            axis.text(0, -0.62, out, va="top", transform=axis.transAxes)
+            axis.text(0, -0.52, out, va="top", transform=axis.transAxes)
             axis.set(xticks=[], yticks=[])
             axis.grid(False)
             axis.spines[:].set_visible(False)
