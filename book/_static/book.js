@@ -9,7 +9,7 @@ addEventListener("afterprint", () => {
 });
 
 // What is wider than the page scrolls by itself; a line below it says so.
-const SCROLLERS = ".cell_output, .bd-article table, .pst-scrollable-table-container";
+const SCROLLERS = ".cell_output, .cell_output .output, .bd-article table, .pst-scrollable-table-container";
 function tellWhatScrolls() {
   for (const old of document.querySelectorAll(".swipe")) old.remove();
   for (const one of document.querySelectorAll(SCROLLERS)) {

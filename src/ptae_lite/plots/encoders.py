@@ -28,7 +28,7 @@ def marks(
     """
     figure, axes = plt.subplots(figsize=(style.WIDTH, 0.62 * len(rows) + 0.8))
     series = list(next(iter(rows.values())))
-    colours = [style.MODELS.get(name, COLOURS[k]) for k, name in enumerate(series)]
+    colours = [style.of_model(name, COLOURS[k]) for k, name in enumerate(series)]
     wide = within[1] - within[0]
     for i, (name, row) in enumerate(rows.items()):
         values = list(row.values())

@@ -24,6 +24,8 @@ MODELS = {  # one colour a model, on all pages
 }  # fmt: skip
 _INK = {ORANGE: "#8A6000", GREEN: "#007A59", RED: "#B34E00", PURPLE: "#A3527E", SKY: "#2177B0"}
 
+PLAIN = {"fc": "white", "ec": "none", "pad": 0.5}  # behind a text that lines would cross
+
 WIDTH = 4.4  # inches; in this width a figure is read on a phone as on a laptop, without scaling
 DPI = 200  # of bitmaps: two dots a pixel of the page, sharp on a phone
 PHOTO_DPI = 150  # of photos: four camera images side by side have no more dots
@@ -52,6 +54,11 @@ def use() -> None:
     plt.rcParams.update(RC)
     if for_site() and get_ipython() is not None:
         set_matplotlib_formats("svg", metadata={"Date": None})
+
+
+def of_model(name: str, other: str | None = None) -> str | None:
+    """The colour of a model or of a variant of it, such as `PTAE, long`; `other` for all else."""
+    return MODELS.get(name.split(",")[0], other)
 
 
 def ink(colour: str) -> str:

@@ -96,6 +96,7 @@ def bars(rows: Mapping[str, float], label: str, chance: Sequence[float] = ()) ->
         figure.legend(loc="outside lower center")
     axis.set(xlabel=label, xlim=(0, 117), ylim=(len(rows) - 0.65, -0.65), yticks=[])
     axis.set_xticks(range(0, 101, 20))
+    axis.spines["left"].set_visible(False)  # it would cut the names
     return style.closed(figure)
 
 
@@ -207,7 +208,7 @@ def reaching(reached: pd.DataFrame) -> Figure:
         for (shift, marker), name in zip(looks, variants, strict=True):
             rows = reached[reached["variant"] == name]
             axis.plot(rows[column], rows["level"].map(levels.index) + shift, marker, alpha=0.8,
-                      color=style.MODELS[name.split(",")[0]], markersize=6, label=name)  # fmt: skip
+                      color=style.of_model(name), markersize=6, label=name)  # fmt: skip
         axis.set(xlabel="updates" if column == "updates" else "seconds of one core", xlim=(0, None))
         axis.locator_params(axis="x", nbins=4)
     axes[0].set_yticks(range(len(levels)), [f"{level} %" for level in levels])

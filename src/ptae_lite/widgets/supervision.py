@@ -59,8 +59,7 @@ def card(table, said, mode: str, model: str, share: float, live=None) -> Card:
     for axis, column in zip(axes, LABELS, strict=True):
         draw_measure(axis, table, column, mode)
         if len(here):
-            axis.plot(share, here[column].mean(), "s", markersize=12, color=style.RED,
-                      fillstyle="none", markeredgewidth=2, label="here")  # fmt: skip
+            axis.axvline(share, color=style.RED, lw=6, alpha=0.25, label="here")
         if live is not None:
             axis.plot(share, live[0][column].iloc[0], "*", markersize=13, color=style.RED,
                       label="trained just now")  # fmt: skip
