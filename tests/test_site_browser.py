@@ -155,7 +155,7 @@ def test_every_scene_draws_and_moves_when_played(browser, name):
             assert (
                 iframe.content_frame.locator("#words")
                 .inner_text()
-                .startswith("The robot's left cube: ")
+                .startswith("Left cube, as the robot sees it: ")
             )
 
 

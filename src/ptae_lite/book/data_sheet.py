@@ -54,7 +54,7 @@ class Files:
         rows = []
         for name, of in artefacts.manifest().items():
             if name.startswith(RECORDING):
-                rows += [("file", f"{name}, {of['bytes'] / 1e6:.1f} MB"),
+                rows += [("file", name), ("size", f"{of['bytes'] / 1e6:.1f} MB"),
                          ("made by", f"{of['command']}; {made(of)}"),
                          ("SHA-256 begins", of["sha256"][:12])]  # fmt: skip
         return table(("", ""), rows)

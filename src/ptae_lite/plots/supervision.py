@@ -23,7 +23,6 @@ LOOKS = {  # colour, line style, mark; the paper's points have the same colour
     "pvae": (style.MODELS["PVAE"], "-.", "D"),
     "linear": (style.MODELS["linear baseline"], ":", "v"),
 }
-CROWDED = 90  # percent; marks above stand too close for numbers
 NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear baseline"}
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
@@ -75,7 +74,7 @@ def by_samples_seen(table: pd.DataFrame) -> Figure:
         axis.plot(*(rows[column] for column in points), mark, fillstyle=full, label=name)
         for share, own in () if name == "all labels" else rows.groupby("share"):
             x, y = own[points].mean()
-            if y < CROWDED and all(abs(np.log(x / u)) > 0.25 or abs(y - v) > 5 for u, v in free):
+            if all(abs(np.log(x / u)) > 0.25 or abs(y - v) > 5 for u, v in free):
                 free.append((x, y))  # numbers of crowded marks would cover each other
                 axis.annotate(f"{share:g}", (x, y), (5, 3), textcoords="offset points")
     axis.axhline(CHANCE, color=style.GREY, linestyle=":", label="chance")
