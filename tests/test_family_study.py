@@ -181,6 +181,8 @@ def test_a_summary_names_the_spread(scored):
     found = family.summary(scored, ["describe_accuracy"])["describe_accuracy"]
     assert found["PTAE"].split() == ["98.0", "(97.0", "to", "99.0)"]
     assert found["PVAE"] == "100.0 (one seed)"
+    alike = family.summary(scored.assign(describe_accuracy=99.99), ["describe_accuracy"])
+    assert alike["describe_accuracy"]["PGAE"].split() == ["100.0", "(all)"]
 
 
 def test_every_claim_has_a_row(scored):

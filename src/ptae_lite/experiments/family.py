@@ -141,8 +141,10 @@ def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
     def written(values: pd.Series) -> str:
         if len(values) == 1:
             return f"{values.iloc[0]:.1f} (one seed)"
-        low, high = values.min(), values.max()  # \u00a0: a range is not broken across lines
-        return f"{values.median():.1f}\u00a0({low:.1f}\u00a0to\u00a0{high:.1f})"
+        low, middle, high = (f"{v:.1f}" for v in (values.min(), values.median(), values.max()))
+        if low == high:
+            return f"{middle}\u00a0(all)"
+        return f"{middle}\u00a0({low}\u00a0to\u00a0{high})"  # not broken across lines
 
     return table.groupby("variant", sort=False)[list(columns)].agg(written)
 

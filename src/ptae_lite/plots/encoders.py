@@ -28,7 +28,8 @@ def marks(
     """
     figure, axes = plt.subplots(figsize=(style.WIDTH, 0.62 * len(rows) + 0.8))
     series = list(next(iter(rows.values())))
-    colours = [style.of_model(name, COLOURS[k]) for k, name in enumerate(series)]
+    plain = style.SERIES if len(series) > 1 else COLOURS
+    colours = [style.of_model(name, plain[k]) for k, name in enumerate(series)]
     wide = within[1] - within[0]
     for i, (name, row) in enumerate(rows.items()):
         values = list(row.values())
@@ -169,9 +170,9 @@ def in_use(
             axes.annotate("", end, start, arrowprops=arrow)
     for k, (name, own) in enumerate(others.groupby("encoder", sort=False)):
         at = own[x].mean(), own[y].mean()
-        axes.plot(*at, "X", color=style.PURPLE, ms=7)
+        axes.plot(*at, "X", color=style.GREY, ms=7, zorder=3)
         axes.annotate(name, at, (0, -16 if k % 2 else 7), textcoords="offset points", ha="center",
-                      color=style.ink(style.PURPLE))  # fmt: skip
+                      color=style.GREY, bbox=style.PLAIN)  # fmt: skip
     for name, level in levels.items():
         axes.axvline(level, color=style.GREY, ls=":")
         foot = axes.get_xaxis_transform()  # x in data, y in shares of the height

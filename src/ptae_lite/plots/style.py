@@ -22,7 +22,9 @@ PURPLE, SKY, GREY = "#CC79A7", "#56B4E9", "#6B6B6B"
 MODELS = {  # one colour a model, on all pages
     "PTAE": BLUE, "PGAE": ORANGE, "PVAE": GREEN, "PRAE": RED, "linear baseline": PURPLE,
 }  # fmt: skip
-_INK = {ORANGE: "#8A6000", GREEN: "#007A59", RED: "#B34E00", PURPLE: "#A3527E", SKY: "#2177B0"}
+SERIES = ("#333333", "#882255", "#999933", GREY)  # what is no model has no model's colour
+_INK = {ORANGE: "#8A6000", GREEN: "#007A59", RED: "#B34E00", PURPLE: "#A3527E", SKY: "#2177B0",
+        SERIES[2]: "#6B6B1E"}  # fmt: skip
 
 PLAIN = {"fc": "white", "ec": "none", "pad": 0.5}  # behind a text that lines would cross
 

@@ -48,8 +48,8 @@ def dots_by_seed(
             axes.plot(own[x], own[column], mark, color=f"C{i}", ms=3, alpha=0.6)
             axes.plot(means.index, means, dash, color=f"C{i}", marker=mark, ms=4, label=name)
         for k, (name, level) in enumerate((levels or {}).items()):
-            colour = (style.GREY, style.PURPLE, style.SKY)[k % 3]
-            axes.axhline(level[column], color=colour, ls=":", label=name)
+            dash = (":", (0, (1, 3)), (0, (6, 2, 1, 2)))[k % 3]
+            axes.axhline(level[column], color=style.GREY, ls=dash, label=name)
         axes.set_title(label)
         if ticks is not None:
             axes.set_xscale("symlog", linthresh=min(tick for tick in ticks if tick))
