@@ -39,8 +39,9 @@ COLOUR_RGBA = {
     "violet": (0.58, 0.10, 0.85, 1.0),
 }
 
+GRAVITY_M_S2 = (0, 0, -9.81)
 MOTOR_FORCE_N_M = 50.0
-POSITION_GAIN = 0.5
+POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
 VERTICAL_VIEW_DEG = 42.0
 LIGHT = {"lightDirection": (0.3, 0.6, 1.5), "lightAmbientCoeff": 0.6, "lightDiffuseCoeff": 0.5,
          "lightSpecularCoeff": 0.0}  # fmt: skip
@@ -85,7 +86,7 @@ class Scene:
         self._p = p = pybullet()
         self._client = p.connect(p.DIRECT)
         self._at = {"physicsClientId": self._client}
-        p.setGravity(0, 0, -9.81, **self._at)
+        p.setGravity(*GRAVITY_M_S2, **self._at)
         p.setTimeStep(1 / (FRAMES_PER_S * SUBSTEPS), **self._at)
         for shape in TABLE_SHAPES:
             table = self._box(shape.size, shape.xyz, shape.rgba, mass_kg=0)
@@ -200,7 +201,7 @@ class Scene:
                 targetVelocities=speed,
                 forces=[MOTOR_FORCE_N_M] * len(self._joints),
                 positionGains=[POSITION_GAIN] * len(self._joints),
-                velocityGains=[1.0] * len(self._joints), **self._at,
+                velocityGains=[VELOCITY_GAIN] * len(self._joints), **self._at,
             )  # fmt: skip
             p.stepSimulation(**self._at)
             for side, cube in enumerate(self.cube_ids):
