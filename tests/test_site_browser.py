@@ -1,6 +1,7 @@
 """The built site in Chromium, offline and from its folder: pages, scenes, panels, print, search."""
 
 import json
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -242,6 +243,9 @@ def put(control, position):
         control.press("ArrowRight")
 
 
+DRAWN = "one => one.tagName !== 'IMG' || one.naturalWidth > 0"
+
+
 @pytest.mark.parametrize("name", with_embeds(PANEL) if PAGES else [])
 def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
     with opened(browser) as page:
@@ -261,6 +265,7 @@ def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
                 shown.add(frame.inner_html())
                 picture = frame.locator("img:visible, iframe")
                 if picture.count():
+                    until(partial(picture.first.evaluate, DRAWN), message="it is not drawn")
                     text = picture.first.get_attribute("alt") or picture.first.get_attribute(
                         "title"
                     )

@@ -11,7 +11,9 @@ import base64
 import inspect
 import io
 import json
+import re
 import traceback
+import zlib
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
 from itertools import product
@@ -27,8 +29,9 @@ from ptae_lite.run_mode import is_static
 
 # Runs when a control of the panel moves: shows the frame for their positions. Positions with the
 # same content share a frame. A hidden frame with a scene is kept in a template, because browsers
-# also load hidden scenes, and keep only about 16 alive. The code is an attribute and not a script,
-# so it needs no names that could occur twice on a page.
+# also load hidden scenes, and keep only about 16 alive. A hidden drawing is deflated to a ninth of
+# its size, and unpacked when it is first shown. The code is an attribute and not a script, so it
+# needs no names that could occur twice on a page.
 _ON_INPUT = """
 let index = 0;
 const order = JSON.parse(this.dataset.order);
@@ -49,9 +52,18 @@ this.querySelectorAll('[data-frame]').forEach((frame, i) => {
     away.innerHTML = frame.innerHTML;
     frame.replaceChildren(away);
   }
+  for (const image of shown ? frame.querySelectorAll('img[data-packed]') : []) {
+    const packed = Uint8Array.from(atob(image.dataset.packed), letter => letter.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
+    new Response(stream).arrayBuffer().then(drawn => {
+      image.src = URL.createObjectURL(new Blob([drawn], {type: 'image/svg+xml'}));
+    });
+    image.removeAttribute('data-packed');
+  }
   frame.hidden = !shown;
 });
 """
+_DRAWING = re.compile(r'src="data:image/svg\+xml;base64,([^"]+)"')
 
 # Gives a screen reader what is written beside the sliders of a widget: their names and values.
 # ipywidgets gives it no names, and positions instead of values.
@@ -262,7 +274,13 @@ def as_html(made: Any, description: str) -> str:
 
 
 def _laid_away(face: str) -> str:
-    return f"<template>{face}</template>" if "<iframe" in face else face
+    """A frame that is hidden at first, so that it takes little room and loads nothing."""
+    return f"<template>{face}</template>" if "<iframe" in face else _DRAWING.sub(_packed, face)
+
+
+def _packed(source: re.Match) -> str:
+    drawn = zlib.compress(base64.b64decode(source[1]), 9)
+    return f'data-packed="{base64.b64encode(drawn).decode("ascii")}"'
 
 
 def _saved(figure: Figure, kind: str) -> bytes:
