@@ -14,6 +14,7 @@ from sphinx.util import logging
 
 from ptae_lite import artefacts, run_mode
 from ptae_lite.book import chapters, marks, numbers
+from ptae_lite.live import files, scripts
 from ptae_lite.widgets import viewer
 
 logger = logging.getLogger(__name__)
@@ -65,6 +66,8 @@ default_role = "code"  # `x` in a docstring, as in Markdown
 html_static_path = ["_static"]
 html_css_files = ["book.css"]
 html_js_files = ["book.js"]
+if live := not scripts.missing():  # the small scripts of live parts; the rest comes when asked for
+    html_js_files += ["live/loader.js", "live/packs.js"]
 html_use_index = html_domain_indices = False  # the search does their work
 html_show_search_summary = False  # it would fetch pages, which a browser forbids in a folder
 html_theme = "sphinx_book_theme"
@@ -101,6 +104,14 @@ def copy_scripts(app) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(package / "static" / "mathjax" / "tex-svg.js", target)
     Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(viewer.shared_script())
+
+
+def write_live(app) -> None:
+    """What live parts load: models, runtimes, and the licences of the scripts by others."""
+    if not live:
+        logger.info("The scripts of package.json are not installed: pages show stored answers.")
+    elif app.builder.format == "html":
+        files.write(Path(app.outdir, "_static", "live"))
 
 
 def ask_numbers(app, docname, source) -> None:
@@ -140,6 +151,12 @@ def halve(app, env, docnames) -> None:
     docnames[:] = [*docnames[::2], *docnames[1::2]]
 
 
+def drop_source_maps(app) -> None:
+    """The theme's maps to its own sources are an eighth of the site, and no page uses one."""
+    for path in Path(app.outdir, "_static").rglob("*.map"):
+        path.unlink()
+
+
 def how_it_ran(app, name: str) -> dict | None:
     """A chapter's seconds and its traceback; nothing for a page without code."""
     run = app.env.nb_metadata.get(name, {}).get("exec_data")
@@ -162,6 +179,7 @@ def finish(app, exception) -> None:
     if exception is not None or app.builder.format != "html":
         return
     copy_notebooks(app)
+    drop_source_maps(app)
     found = {name: how_it_ran(app, name) for name in app.env.nb_metadata}
     record = {name: ran for name, ran in found.items() if ran}
     if any(ran["traceback"] for ran in record.values()):
@@ -175,6 +193,7 @@ def finish(app, exception) -> None:
 
 def setup(app) -> None:
     app.connect("builder-inited", copy_scripts)
+    app.connect("builder-inited", write_live)
     app.connect("env-before-read-docs", halve)
     app.connect("doctree-read", tell)
     app.connect("source-read", ask_numbers)

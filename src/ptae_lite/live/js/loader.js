@@ -1,0 +1,71 @@
+// In every page: where a live part is asked for, a button; all else is loaded when it is pressed.
+"use strict";
+window.Live = {
+  base: document.currentScript.src.replace(/[^/]*$/, ""),
+  packs: {}, // names of the packs with their pieces and bytes, from packs.js
+  parts: {}, // name of a live part: function (room, show) that builds it
+  needs: { // the packs of each
+    transformer: ["ort", "book", "ptae", "autoencoder"],
+    conflict: ["ort", "book", "ptae"],
+  },
+  scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "autoencoder", "form",
+    "figures", "transformer_part", "conflict_part"],
+};
+
+// A classic script: a page in a folder may fetch nothing.
+Live.script = name => Live.script[name] ??= new Promise((done, failed) => {
+  const tag = document.createElement("script");
+  tag.src = `${Live.base}${name}.js`;
+  tag.onload = done;
+  tag.onerror = () => failed(new Error(`${name}.js is missing beside this page`));
+  document.head.append(tag);
+});
+
+// Why models cannot run here; nothing if they can.
+Live.lacking = () => {
+  if (typeof WebAssembly === "undefined") return "this browser has no WebAssembly";
+  if (typeof DecompressionStream === "undefined") return "this browser cannot unpack the models";
+  return "";
+};
+
+// The place of a live part holds the stored answers, and the size of what it would load.
+Live.offer = place => {
+  const stored = [...place.childNodes], bar = document.createElement("p");
+  bar.className = "ptae-live-offer";
+  place.prepend(bar);
+  const why = Live.lacking();
+  if (why) {
+    bar.textContent = `Below are stored answers; the model itself cannot run here, because ${why}.`;
+    return;
+  }
+  const button = document.createElement("button"), note = document.createElement("span");
+  button.type = "button";
+  button.textContent = place.dataset.offer;
+  const bytes = Live.needs[place.dataset.ptaeLive].reduce((sum, name) => sum + Live.packs[name].bytes, 0);
+  note.textContent = ` loads ${Math.round(bytes / 1e6)} MB from this site; no other address is asked`;
+  bar.append(button, note);
+  button.onclick = async () => {
+    const progress = document.createElement("progress");
+    progress.setAttribute("aria-label", "Loading the model");
+    progress.max = 1;
+    bar.replaceChildren(progress);
+    const show = share => { progress.value = share; };
+    try {
+      await Promise.all(Live.scripts.map(Live.script));
+      const room = document.createElement("div");
+      await Live.parts[place.dataset.ptaeLive](room, show);
+      stored.forEach(node => node.remove?.());
+      bar.replaceWith(room);
+      room.querySelector("select, input, button")?.focus();
+      place.dataset.state = "ready";
+    } catch (problem) {
+      bar.setAttribute("role", "alert");
+      bar.textContent = `The model could not start (${problem.message}); below are stored answers.`;
+      place.dataset.state = "failed";
+    }
+  };
+};
+
+document.addEventListener("DOMContentLoaded", () => {
+  document.querySelectorAll("[data-ptae-live]").forEach(Live.offer);
+});

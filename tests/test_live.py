@@ -1,0 +1,243 @@
+"""Models in a page: the same answers as in PyTorch, from a folder, without a network."""
+
+import functools
+import http.server
+import json
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from pages import SITE, chromium, opened, stale
+
+from ptae_lite.live import scripts
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(bool(stale()), reason=stale() or "built"),
+    pytest.mark.skipif(bool(scripts.missing()), reason="the scripts of package.json are missing"),
+]
+HERE = Path(__file__).parent
+POLICY = "script-src 'self' blob: 'wasm-unsafe-eval'"
+PAGE = """<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Live</title>
+<link rel="stylesheet" href="book.css"><script src="live/loader.js"></script>
+<script src="live/packs.js"></script><script src="live/more.js"></script>
+<script src="compare.js"></script></head><body>
+<div data-ptae-live="transformer" data-offer="Run it"><p class="stored">stored</p></div>
+<div data-ptae-live="conflict" data-offer="Run it"><p class="stored">stored</p></div></body></html>
+"""
+FAULTS = {"swapped_gates": ("ptae", "ptae joints"), "missing_bias": ("ptae", "words"),
+          "wrong_padding": ("autoencoder", "image code")}  # fmt: skip
+LIMITS = {"ptae joints": 0.005, "conflict joints": 0.005, "policy joints": 0.02,
+          "image code": 0.02, "pixels": 0.01, "words": 0.02, "conflict words": 0.02,
+          "attention": 0.005}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A page with live parts, and what PyTorch answers, in a folder with a difficult name."""
+    place = tmp_path_factory.mktemp("live") / "Bücher & Übungen, neu"
+    shutil.copytree(SITE / "_static" / "live", place / "live")
+    names = [*FAULTS, "single_precision"]
+    subprocess.run([sys.executable, HERE / "live_answers.py", place / "live", *names], check=True)
+    more = {name: json.loads((place / "live" / f"{name}.json").read_text())
+            for name in ["answers", *names]}  # fmt: skip
+    (place / "live" / "more.js").write_text(f"Object.assign(Live.packs, {json.dumps(more)});")
+    shutil.copyfile(HERE / "live_compare.js", place / "compare.js")
+    shutil.copyfile(SITE / "_static" / "book.css", place / "book.css")
+    (place / "index.html").write_text(PAGE, "utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as one:
+        yield one
+
+
+@pytest.fixture
+def page(browser, folder):
+    with opened(browser) as one:
+        one.goto((folder / "index.html").as_uri())
+        yield one
+
+
+def over(found) -> list[str]:
+    """The comparisons that are beyond their limits."""
+    return [name for name, limit in LIMITS.items() if not found["worst"][name] < limit]
+
+
+def test_the_models_answer_as_in_pytorch(page):
+    found = page.evaluate("compare()")
+    print(json.dumps(found, indent=1))
+    assert found["same"] == found["of"] == 216
+    assert found["agree"] == found["conflicts"] > 150
+    assert over(found) == []
+    assert found["ms"]["describe"] < 300 and found["ms"]["execute ptae"] < 300
+    assert found["ms"]["image"] < 250 and found["ms"]["image back"] < 250
+
+
+def test_in_single_precision_hardly_anything_differs(page):
+    found = page.evaluate("compare(24, ['ptae', 'single_precision'])")
+    names = ("ptae joints", "ptae code", "words", "attention")
+    assert max(found["worst"][name] for name in names) < 5e-5
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_in_a_network_is_seen(page, fault):
+    pack, where = FAULTS[fault]
+    found = page.evaluate("change => compare(24, change)", [pack, fault])
+    assert where in over(found)
+
+
+def test_padding_that_is_not_zero_is_seen(page):
+    """Keys that repeat the last frame behind a fast clip."""
+    found = page.evaluate("""async () => {
+      await Promise.all(Live.scripts.map(Live.script));
+      const zeros = Live.movingKeys;
+      Live.movingKeys = (seen, felt) => {
+        const keys = zeros(seen, felt), n = seen.frames;
+        for (let t = n; t < 100; t++) keys.copyWithin(35 * t, 35 * (n - 1), 35 * n);
+        return keys;
+      };
+      return compare();
+    }""")
+    assert found["same"] < 216 and "words" in over(found)
+
+
+# ---------------------------------------------------------------- parts
+
+
+def press(page, part: str):
+    """Ask for a live part, and wait until it has answered."""
+    place = page.locator(f"[data-ptae-live={part}]")
+    place.locator("button").first.click()
+    page.locator(f"[data-ptae-live={part}][data-state]").wait_for()
+    assert place.get_attribute("data-state") == "ready", place.inner_text()
+    return place
+
+
+def answered(place) -> int:
+    return int(place.locator("[data-answered]").get_attribute("data-answered"))
+
+
+def choose(place, name: str, value: str) -> None:
+    """Choose by the label's text, and wait for the answer."""
+    before = answered(place)
+    place.get_by_label(name, exact=True).select_option(label=value)
+    place.page.wait_for_function(
+        "([place, before]) => Number(place.querySelector('[data-answered]').dataset.answered)"
+        " > before", arg=[place.element_handle(), before])  # fmt: skip
+
+
+def said(place) -> str:
+    return place.locator(".ptae-live-said").get_attribute("data-sentence")
+
+
+def test_a_part_is_ready_soon_and_shows_how_far_it_is(page):
+    begun = page.evaluate("performance.now()")
+    place = press(page, "transformer")
+    assert page.evaluate("performance.now()") - begun < 3000
+    assert place.locator(".stored").count() == 0
+    assert said(place) and "The model says" in place.inner_text()
+    assert page.locator("[data-ptae-live=conflict] .stored").is_visible()  # nobody asked for it
+
+
+def test_the_speed_is_read_from_the_padding(page):
+    """Chapter 03's finding, by hand."""
+    place = press(page, "transformer")
+    assert said(place).split()[2] in ("fast", "quickly")
+    choose(place, "after them", "nothing: the keys end there")
+    assert said(place).split()[2] in ("slowly", "unhurriedly")
+    choose(place, "after them", "zeros, as in training")
+    before = said(place)
+    choose(place, "frames in the keys", "shuffled")
+    assert said(place) == before
+
+
+def test_a_task_that_moves_shows_a_motion(page):
+    place = press(page, "transformer")
+    choose(place, "task", "execute")
+    assert "away from the recorded clip" in place.inner_text()
+    assert place.locator("svg.ptae-live-figure").count() == 2
+
+
+def test_a_conflict_is_followed_or_not(page):
+    place = press(page, "conflict")
+    line = place.locator(".ptae-live-said")
+    assert line.get_attribute("data-follows") in ("truth", "distractor", "mixture", "neither")
+    choose(place, "also show it", "nothing")
+    assert line.get_attribute("data-follows") == "truth"
+    choose(place, "also show it", "its video alone")
+    choose(place, "task", "execute")
+    assert "away" in place.inner_text() or "nearest" in place.inner_text()
+    choose(place, "task", "describe")
+    choose(place, "also tell it", "a sentence")
+    assert place.get_by_label("colour").is_visible()
+
+
+def test_controls_have_names_and_the_keyboard_is_enough(page):
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    page.locator("[data-ptae-live=transformer][data-state=ready]").wait_for()
+    for control in page.locator("[data-ptae-live=transformer] select:visible").all():
+        assert control.evaluate("one => one.labels[0].innerText.trim()")
+    assert page.evaluate("document.activeElement.tagName") == "SELECT"
+
+
+def test_without_webassembly_stored_answers_stay_and_a_line_says_why(browser, folder):
+    with opened(browser) as page:
+        page.add_init_script("delete window.WebAssembly")
+        page.goto((folder / "index.html").as_uri())
+        place = page.locator("[data-ptae-live=transformer]")
+        assert "WebAssembly" in place.inner_text() and place.locator(".stored").is_visible()
+        assert place.locator("button").count() == 0
+
+
+def test_a_missing_pack_is_said_and_stored_answers_stay(browser, folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "site")
+    (tmp_path / "site/live/ptae.1.js").unlink()
+    context = browser.new_context(offline=True)
+    page = context.new_page()
+    page.goto((tmp_path / "site/index.html").as_uri())
+    place = page.locator("[data-ptae-live=transformer]")
+    place.locator("button").click()
+    page.locator("[data-ptae-live=transformer][data-state=failed]").wait_for()
+    assert "ptae.1.js is missing" in place.inner_text() and place.locator(".stored").is_visible()
+    context.close()
+
+
+# ---------------------------------------------------------------- behind a server
+
+
+class Handler(http.server.SimpleHTTPRequestHandler):
+    def end_headers(self):
+        self.send_header("Content-Security-Policy", POLICY)
+        super().end_headers()
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture
+def server(folder):
+    handler = functools.partial(Handler, directory=folder)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as one:
+        threading.Thread(target=one.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{one.server_port}/"
+        one.shutdown()
+
+
+def test_a_server_with_a_strict_policy_will_do(browser, server):
+    context = browser.new_context(reduced_motion="reduce")
+    page, wrong = context.new_page(), []
+    page.on("console", lambda one: wrong.append(one.text) if one.type == "error" else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda one: None if one.url.startswith((server, "blob:", "data:"))
+            else wrong.append(one.url))  # fmt: skip
+    page.goto(server)
+    place = press(page, "conflict")
+    assert said(place) is not None and wrong == []
+    context.close()
