@@ -43,6 +43,7 @@ GRAVITY_M_S2 = (0, 0, -9.81)
 MOTOR_FORCE_N_M = 50.0
 POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
 VERTICAL_VIEW_DEG = 42.0
+NEAR_M, FAR_M = 0.02, 3.0  # what the camera sees
 LIGHT = {"lightDirection": (0.3, 0.6, 1.5), "lightAmbientCoeff": 0.6, "lightDiffuseCoeff": 0.5,
          "lightSpecularCoeff": 0.0}  # fmt: skip
 
@@ -155,7 +156,9 @@ class Scene:
         forward, up = head[:3, 0], head[:3, 2]
         view = p.computeViewMatrix(eye[:3], eye[:3] + forward, up, **self._at)
         aspect = IMAGE_WIDTH / IMAGE_HEIGHT
-        return view, p.computeProjectionMatrixFOV(VERTICAL_VIEW_DEG, aspect, 0.02, 3.0, **self._at)
+        return view, p.computeProjectionMatrixFOV(
+            VERTICAL_VIEW_DEG, aspect, NEAR_M, FAR_M, **self._at
+        )
 
     def image(self) -> UInt8[np.ndarray, "120 160 3"]:
         """What the right eye sees now."""
