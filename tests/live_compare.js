@@ -2,13 +2,13 @@
 // change: a pack with networks that take the place of those of a model, such as ["ptae", "swapped_gates"].
 "use strict";
 async function compare(clips = Infinity, change = null) {
-  await Promise.all(Live.scripts.map(Live.script));
-  const changed = change && await Live.networks((await Live.load([change[1]]))[0]);
+  await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
+  const changed = change && await PtaeLive.networks((await PtaeLive.load([change[1]]))[0]);
   const put = (name, model) => {
     if (change?.[0] === name) Object.assign(model.networks, changed);
     return model;
   };
-  const [pack] = await Live.load(["book"]), [{parts, about}] = await Live.load(["answers"]);
+  const [pack] = await PtaeLive.load(["book"]), [{parts, about}] = await PtaeLive.load(["answers"]);
   const floats = name => new Float32Array(parts[name].buffer, parts[name].byteOffset, parts[name].length / 4);
   const worst = {}, times = {};
   const gap = (name, mine, theirs) => {
@@ -23,7 +23,7 @@ async function compare(clips = Infinity, change = null) {
     (times[name] ??= []).push(performance.now() - begun);
     return made;
   };
-  const language = new Live.Language(pack.about), book = new Map(Live.clips(pack).map(clip => [clip.sample, clip]));
+  const language = new PtaeLive.Language(pack.about), book = new Map(PtaeLive.clips(pack).map(clip => [clip.sample, clip]));
   const features = floats("features"), joints = floats("joints");
   let at = 0;
   const test = about.frames.map(frames => {
@@ -31,19 +31,19 @@ async function compare(clips = Infinity, change = null) {
     at += frames;
     return {frames, features: features.subarray(30 * from, 30 * at), joints: joints.subarray(5 * from, 5 * at)};
   });
-  const models = {ptae: put("ptae", await Live.PTAE.open("ptae")), policy: await Live.PTAE.open("policy")};
+  const models = {ptae: put("ptae", await PtaeLive.PTAE.open("ptae")), policy: await PtaeLive.PTAE.open("policy")};
   const theirs = (name, k, size) => floats(name).subarray(size * k, size * (k + 1));
   let same = 0;
   const few = all => [...all.entries()].slice(0, clips);
   for (const [k, clip] of few(test)) {
     const own = models.ptae.scaling.clip(clip);
     const {told, code, attention} = await clock("describe", () => models.ptae.answer(
-      Live.batch(language, "describe", own), {motion: false}));
+      PtaeLive.batch(language, "describe", own), {motion: false}));
     gap("words", told.flatMap(row => [...row]), theirs("words", k, 92));
     gap("attention", attention.flatMap(head => head.flatMap(row => [...row])), theirs("attention", k, 800));
-    same += language.decode(Live.best(told)) === about.said[k];
+    same += language.decode(PtaeLive.best(told)) === about.said[k];
     for (const [name, model] of Object.entries(models)) {
-      const batch = Live.batch(language, "execute", model.scaling.clip(clip), language.encode(about.sentences[k]));
+      const batch = PtaeLive.batch(language, "execute", model.scaling.clip(clip), language.encode(about.sentences[k]));
       const made = await clock(`execute ${name}`, () => model.answer(batch, {words: false}));
       gap(`${name} code`, made.code.data, theirs(`${name}_code`, k, 256));
       gap(`${name} joints`, made.joints, theirs(`${name}_execute`, k, 495));
@@ -56,15 +56,15 @@ async function compare(clips = Infinity, change = null) {
     else if (typeof row.extra === "string") extra.sentence = row.place === "none" ? undefined : language.encode(row.extra);
     else if (row.place !== "none") {
       const other = models.ptae.scaling.clip(book.get(row.extra));
-      extra.keys = Live.movingKeys(row.place === "proprioception" ? own : other, row.place === "vision" ? own : other);
+      extra.keys = PtaeLive.movingKeys(row.place === "proprioception" ? own : other, row.place === "vision" ? own : other);
     }
     const {told, joints} = await models.ptae.answer(
-      Live.batch(language, row.signal, own, language.encode(row.sentence), extra));
-    agree += language.decode(Live.best(told)) === row.said;
+      PtaeLive.batch(language, row.signal, own, language.encode(row.sentence), extra));
+    agree += language.decode(PtaeLive.best(told)) === row.said;
     gap("conflict words", told.flatMap(one => [...one]), theirs("conflict_words", k, 92));
     gap("conflict joints", joints, theirs("conflict_joints", k, 495));
   }
-  const autoencoder = put("autoencoder", await Live.Autoencoder.open());
+  const autoencoder = put("autoencoder", await PtaeLive.Autoencoder.open());
   for (let k = 0; k < parts.images.length / 57600; k++) {
     const image = new ImageData(160, 120);
     for (let i = 0; i < 19200; i++)

@@ -10,6 +10,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from bidi import firefox
 from pages import SITE, chromium, opened, stale
 
 from ptae_lite.live import scripts
@@ -44,7 +45,7 @@ def folder(tmp_path_factory):
     subprocess.run([sys.executable, HERE / "live_answers.py", place / "live", *names], check=True)
     more = {name: json.loads((place / "live" / f"{name}.json").read_text())
             for name in ["answers", *names]}  # fmt: skip
-    (place / "live" / "more.js").write_text(f"Object.assign(Live.packs, {json.dumps(more)});")
+    (place / "live" / "more.js").write_text(f"Object.assign(PtaeLive.packs, {json.dumps(more)});")
     shutil.copyfile(HERE / "live_compare.js", place / "compare.js")
     shutil.copyfile(SITE / "_static" / "book.css", place / "book.css")
     (place / "index.html").write_text(PAGE, "utf-8")
@@ -95,9 +96,9 @@ def test_a_fault_in_a_network_is_seen(page, fault):
 def test_padding_that_is_not_zero_is_seen(page):
     """Keys that repeat the last frame behind a fast clip."""
     found = page.evaluate("""async () => {
-      await Promise.all(Live.scripts.map(Live.script));
-      const zeros = Live.movingKeys;
-      Live.movingKeys = (seen, felt) => {
+      await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
+      const zeros = PtaeLive.movingKeys;
+      PtaeLive.movingKeys = (seen, felt) => {
         const keys = zeros(seen, felt), n = seen.frames;
         for (let t = n; t < 100; t++) keys.copyWithin(35 * t, 35 * (n - 1), 35 * n);
         return keys;
@@ -241,3 +242,25 @@ def test_a_server_with_a_strict_policy_will_do(browser, server):
     place = press(page, "conflict")
     assert said(place) is not None and wrong == []
     context.close()
+
+
+# ---------------------------------------------------------------- Firefox
+
+
+def test_in_firefox_the_models_answer_as_in_pytorch_and_parts_work(folder):
+    with firefox() as page:
+        page.goto((folder / "index.html").as_uri())
+        found = page.evaluate("compare()")
+        print(json.dumps(found, indent=1))
+        assert found["same"] == 216 and found["agree"] == found["conflicts"]
+        assert over(found) == []
+        for part in ("transformer", "conflict"):
+            told = page.evaluate(f"""(async () => {{
+              const place = document.querySelector("[data-ptae-live={part}]");
+              const begun = performance.now();
+              place.querySelector("button").click();
+              while (!place.dataset.state) await new Promise(done => setTimeout(done, 20));
+              return [place.dataset.state, performance.now() - begun,
+                      place.querySelector(".ptae-live-said")?.textContent];
+            }})()""")
+            assert told[0] == "ready" and told[1] < 3000 and told[2]

@@ -103,7 +103,7 @@ def write(folder) -> dict:
     for path in sorted(JS.glob("*.js")):
         shutil.copyfile(path, folder / path.name)
     licences(folder)
-    index = f"Live.packs = {json.dumps(packs)};\n"
+    index = f"PtaeLive.packs = {json.dumps(packs)};\n"
     (folder / "packs.js").write_text(index, "utf-8", newline="\n")
     return packs
 

@@ -53,7 +53,7 @@ def write(folder, name: str, parts: Mapping[str, bytes], about: Mapping | None =
     told = json.dumps({"bytes": len(packed), "parts": places, "about": about or {}})
     size = 0
     for i, piece in enumerate(pieces):
-        script = f'Live.take({json.dumps(name)}, {i}, "{piece}"{"" if i else ", " + told});\n'
+        script = f'PtaeLive.take({json.dumps(name)}, {i}, "{piece}"{"" if i else ", " + told});\n'
         path = Path(folder, f"{name}.{i}.js")
         path.write_bytes(b"\xff\xfe" + script.encode("utf-16-le"))
         size += path.stat().st_size

@@ -1,17 +1,17 @@
 // The image encoder of chapter 02 and its decoder.
 "use strict";
-Live.Autoencoder = class {
+PtaeLive.Autoencoder = class {
   static PIXELS = 120 * 160;
   static async open(show) {
-    const [pack] = await Live.load(["autoencoder"], show);
-    return new Live.Autoencoder(await Live.networks(pack));
+    const [pack] = await PtaeLive.load(["autoencoder"], show);
+    return new PtaeLive.Autoencoder(await PtaeLive.networks(pack));
   }
   constructor(networks) {
     this.networks = networks;
   }
   // An ImageData of 160 x 120 to thirty numbers.
   async encode({data}) {
-    const n = Live.Autoencoder.PIXELS, image = new Float32Array(3 * n);
+    const n = PtaeLive.Autoencoder.PIXELS, image = new Float32Array(3 * n);
     for (let c = 0; c < 3; c++)
       for (let i = 0; i < n; i++) image[c * n + i] = data[4 * i + c] / 255;
     const {features} = await this.networks.encode.run({image: [image, 1, 3, 120, 160]});
@@ -24,7 +24,7 @@ Live.Autoencoder = class {
   }
   // Thirty numbers to an ImageData.
   async draw(features) {
-    const n = Live.Autoencoder.PIXELS, drawn = await this.decode(features), image = new ImageData(160, 120);
+    const n = PtaeLive.Autoencoder.PIXELS, drawn = await this.decode(features), image = new ImageData(160, 120);
     for (let i = 0; i < n; i++) {
       for (let c = 0; c < 3; c++) image.data[4 * i + c] = Math.round(255 * drawn[c * n + i]);
       image.data[4 * i + 3] = 255;

@@ -1,9 +1,9 @@
 // Recorded clips, and the numbers that a network sees of them.
 "use strict";
-Live.FRAMES = 100;
+PtaeLive.FRAMES = 100;
 
 // Whole numbers that were stored as differences, back to rows of numbers.
-Live.dequantise = (bytes, range, columns) => {
+PtaeLive.dequantise = (bytes, range, columns) => {
   const steps = new Uint16Array(bytes.buffer, bytes.byteOffset, bytes.length / 2);
   const [low, step] = [0, 1].map(k => new Float64Array(range.buffer, range.byteOffset + 8 * k * columns, columns));
   const rows = steps.length / columns, numbers = new Float64Array(steps.length);
@@ -16,9 +16,9 @@ Live.dequantise = (bytes, range, columns) => {
 };
 
 // A clip: its frames, and rows of features (30) and joints (5) as recorded.
-Live.clips = ({parts, about}) => {
-  const features = Live.dequantise(parts.features, parts.features_range, 30);
-  const joints = Live.dequantise(parts.joints, parts.joints_range, 5);
+PtaeLive.clips = ({parts, about}) => {
+  const features = PtaeLive.dequantise(parts.features, parts.features_range, 30);
+  const joints = PtaeLive.dequantise(parts.joints, parts.joints_range, 5);
   let at = 0;
   return about.clips.map(clip => {
     const from = at;
@@ -30,7 +30,7 @@ Live.clips = ({parts, about}) => {
 };
 
 // The fixed linear maps in front of a model (`ptae_lite.data.scaling`).
-Live.Scaling = class {
+PtaeLive.Scaling = class {
   constructor({joint_low, joint_high, feature_mean, feature_map}) {
     this.low = joint_low;
     this.range = joint_high.map((high, j) => high - joint_low[j]);

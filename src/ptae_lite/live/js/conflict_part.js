@@ -1,19 +1,19 @@
 // Chapter 05: any sentence against any clip; the answer, and whom it follows.
 "use strict";
 {
-  const {element, choice, sentence, clips, latest} = Live.form;
+  const {element, choice, sentence, clips, latest} = PtaeLive.form;
   const EXTRA = {describe: "sentence", "repeat action": "sentence", execute: "clip", "repeat language": "clip"};
   const TALKS = ["describe", "repeat language"];
 
   // What an answer follows (`answer_source.follows`): three things each, null where nothing is said.
-  Live.follows = (said, truth, distractor) => {
+  PtaeLive.follows = (said, truth, distractor) => {
     if (said.every((one, i) => one === truth[i])) return "truth";
     if (said.every((one, i) => one && one === distractor[i])) return "distractor";
     return said.every((one, i) => one && (one === truth[i] || one === distractor[i])) ? "mixture" : "neither";
   };
 
   // The mean motion nearest to a motion from its second frame on, and its distance in percent.
-  Live.nearest = ({motions, tracks, reach}, scaling, made) => {
+  PtaeLive.nearest = ({motions, tracks, reach}, scaling, made) => {
     const far = motions.map((_, k) => {
       let sum = 0;
       for (let i = 0; i < made.length; i++) sum += ((made[i] - tracks[500 * k + 5 + i]) / scaling.range[i % 5]) ** 2;
@@ -23,10 +23,10 @@
     return {said: far[best] <= reach ? motions[best] : [null, null, null], distance: far[best]};
   };
 
-  Live.parts.conflict = async (room, show) => {
-    await Live.load(Live.needs.conflict, show);
-    const [pack] = await Live.load(["book"]);
-    const language = new Live.Language(pack.about), all = Live.clips(pack), model = await Live.PTAE.open("ptae");
+  PtaeLive.parts.conflict = async (room, show) => {
+    await PtaeLive.load(PtaeLive.needs.conflict, show);
+    const [pack] = await PtaeLive.load(["book"]);
+    const language = new PtaeLive.Language(pack.about), all = PtaeLive.clips(pack), model = await PtaeLive.PTAE.open("ptae");
     const bytes = pack.parts.motions, means = {...pack.about,
       tracks: new Float32Array(bytes.buffer, bytes.byteOffset, bytes.length / 4)};
 
@@ -53,9 +53,9 @@
       if (shows) {
         const partner = model.scaling.clip(other.clip), place = shown.control.value;
         extra.keys = blank ? new Float32Array(3500)
-          : Live.movingKeys(place === "proprioception" ? scaled : partner, place === "vision" ? scaled : partner);
+          : PtaeLive.movingKeys(place === "proprioception" ? scaled : partner, place === "vision" ? scaled : partner);
       }
-      const batch = Live.batch(language, name, scaled, language.encode(clip.sentence), extra);
+      const batch = PtaeLive.batch(language, name, scaled, language.encode(clip.sentence), extra);
       const found = await model.answer(batch, {words: talks, motion: !talks});
       answer.replaceChildren();
 
@@ -68,21 +68,21 @@
         distractor = [action, talks ? colour : sides[colour] ?? null, speed];
       } else if (shows && !blank) distractor = named(other.clip);
       if (talks) {
-        const text = language.decode(Live.best(found.told));
+        const text = language.decode(PtaeLive.best(found.told));
         what = language.meaning(text) ?? [null, null, null];
         says = `It says “${text}”.`;
         said.dataset.sentence = text;
       } else {
         const made = model.scaling.jointsBack(found.joints).slice(0, 5 * (clip.frames - 1));
-        const near = Live.nearest(means, model.scaling, made);
+        const near = PtaeLive.nearest(means, model.scaling, made);
         what = near.said;
         says = what[0] ? `The motion is nearest to “${what[0]} the ${what[1]} cube ${what[2]}”, ${near.distance.toFixed(1)} % away.`
           : `The motion is like no recorded one: ${near.distance.toFixed(1)} % from the nearest mean.`;
         const from = clip.joints.subarray(0, 5);
-        answer.append(Live.figures.motions(clip.joints, [...from, ...made], says));
+        answer.append(PtaeLive.figures.motions(clip.joints, [...from, ...made], says));
         said.dataset.sentence = "";
       }
-      const follows = Live.follows(what, truth, distractor ?? truth);
+      const follows = PtaeLive.follows(what, truth, distractor ?? truth);
       const verdict = distractor ? `It follows: ${follows}.` : follows === "truth" ? "That is true." : "That is not true of the clip.";
       said.replaceChildren(element("b", {}, says), ` ${verdict}`);
       said.dataset.follows = follows;

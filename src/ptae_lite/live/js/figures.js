@@ -14,7 +14,7 @@
 
   // attention: [heads][tokens][keys]; tokens: their names; inside: which keys are frames.
   const attention = (attention, tokens, inside) => {
-    const count = inside.length, left = 150, row = 20, step = (WIDE - left - 10) / Live.FRAMES, rows = [], told = [];
+    const count = inside.length, left = 150, row = 20, step = (WIDE - left - 10) / PtaeLive.FRAMES, rows = [], told = [];
     attention.forEach((head, h) => tokens.forEach((token, n) => {
       const y = rows.length * row, weights = head[n], top = Math.max(...weights);
       const bars = [...weights].map((weight, t) => weight > 0.004 * top &&
@@ -27,7 +27,7 @@
     const end = inside.lastIndexOf(true) + 1, height = rows.length * row;
     const edge = x => svg("line", {x1: left + x * step, x2: left + x * step, y1: 0, y2: height, stroke: "currentColor", "stroke-dasharray": "3 4"});
     const says = `Attention weights over ${count} keys, ${end} of them frames. ${told.join("; ")}`;
-    return picture(height + 24, says, ...rows, edge(end), ...(count < Live.FRAMES ? [edge(count)] : []),
+    return picture(height + 24, says, ...rows, edge(end), ...(count < PtaeLive.FRAMES ? [edge(count)] : []),
       text(left, height + 18, "first key"), text(left + end * step, height + 18, end < count ? "padding" : "end", {"text-anchor": "end"}));
   };
 
@@ -48,14 +48,14 @@
 
   // A row of canvases, drawn from features; null is a place without a picture.
   const strip = async (autoencoder, features, says) => {
-    const made = Live.form.element("div", {class: "ptae-live-strip", role: "img", "aria-label": says});
+    const made = PtaeLive.form.element("div", {class: "ptae-live-strip", role: "img", "aria-label": says});
     for (const one of features) {
-      const canvas = Live.form.element("canvas", {width: 160, height: 120});
+      const canvas = PtaeLive.form.element("canvas", {width: 160, height: 120});
       if (one) canvas.getContext("2d").putImageData(await autoencoder.draw(one), 0, 0);
       else canvas.className = "ptae-live-empty";
       made.append(canvas);
     }
     return made;
   };
-  Live.figures = {attention, motions, strip};
+  PtaeLive.figures = {attention, motions, strip};
 }

@@ -70,5 +70,5 @@
       }
     };
   };
-  Live.form = {element, choice, sentence, clips, latest};
+  PtaeLive.form = {element, choice, sentence, clips, latest};
 }

@@ -1,6 +1,6 @@
 // Words and sentences, from the pack "book".
 "use strict";
-Live.Language = class {
+PtaeLive.Language = class {
   constructor(about) {
     Object.assign(this, about); // tokens, words, classes, first_word, wiring
     this.kinds = Object.keys(this.classes);

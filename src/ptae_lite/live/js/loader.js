@@ -1,6 +1,6 @@
 // In every page: where a live part is asked for, a button; all else is loaded when it is pressed.
 "use strict";
-window.Live = {
+window.PtaeLive = {
   base: document.currentScript.src.replace(/[^/]*$/, ""),
   packs: {}, // names of the packs with their pieces and bytes, from packs.js
   parts: {}, // name of a live part: function (room, show) that builds it
@@ -13,27 +13,27 @@ window.Live = {
 };
 
 // A classic script: a page in a folder may fetch nothing.
-Live.script = name => Live.script[name] ??= new Promise((done, failed) => {
+PtaeLive.script = name => PtaeLive.script[name] ??= new Promise((done, failed) => {
   const tag = document.createElement("script");
-  tag.src = `${Live.base}${name}.js`;
+  tag.src = `${PtaeLive.base}${name}.js`;
   tag.onload = done;
   tag.onerror = () => failed(new Error(`${name}.js is missing beside this page`));
   document.head.append(tag);
 });
 
 // Why models cannot run here; nothing if they can.
-Live.lacking = () => {
+PtaeLive.lacking = () => {
   if (typeof WebAssembly === "undefined") return "this browser has no WebAssembly";
   if (typeof DecompressionStream === "undefined") return "this browser cannot unpack the models";
   return "";
 };
 
 // The place of a live part holds the stored answers, and the size of what it would load.
-Live.offer = place => {
+PtaeLive.offer = place => {
   const stored = [...place.childNodes], bar = document.createElement("p");
   bar.className = "ptae-live-offer";
   place.prepend(bar);
-  const why = Live.lacking();
+  const why = PtaeLive.lacking();
   if (why) {
     bar.textContent = `Below are stored answers; the model itself cannot run here, because ${why}.`;
     return;
@@ -41,7 +41,7 @@ Live.offer = place => {
   const button = document.createElement("button"), note = document.createElement("span");
   button.type = "button";
   button.textContent = place.dataset.offer;
-  const bytes = Live.needs[place.dataset.ptaeLive].reduce((sum, name) => sum + Live.packs[name].bytes, 0);
+  const bytes = PtaeLive.needs[place.dataset.ptaeLive].reduce((sum, name) => sum + PtaeLive.packs[name].bytes, 0);
   note.textContent = ` loads ${Math.round(bytes / 1e6)} MB from this site; no other address is asked`;
   bar.append(button, note);
   button.onclick = async () => {
@@ -51,9 +51,9 @@ Live.offer = place => {
     bar.replaceChildren(progress);
     const show = share => { progress.value = share; };
     try {
-      await Promise.all(Live.scripts.map(Live.script));
+      await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
       const room = document.createElement("div");
-      await Live.parts[place.dataset.ptaeLive](room, show);
+      await PtaeLive.parts[place.dataset.ptaeLive](room, show);
       stored.forEach(node => node.remove?.());
       bar.replaceWith(room);
       room.querySelector("select, input, button")?.focus();
@@ -67,5 +67,5 @@ Live.offer = place => {
 };
 
 document.addEventListener("DOMContentLoaded", () => {
-  document.querySelectorAll("[data-ptae-live]").forEach(Live.offer);
+  document.querySelectorAll("[data-ptae-live]").forEach(PtaeLive.offer);
 });

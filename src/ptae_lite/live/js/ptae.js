@@ -1,14 +1,14 @@
 // A PTAE in the page: its networks, one after another, as `PTAE.forward` runs them.
 "use strict";
-Live.PTAE = class {
+PtaeLive.PTAE = class {
   static async open(name, show) {
-    const [pack] = await Live.load([name], show);
-    return new Live.PTAE(await Live.networks(pack), pack.about);
+    const [pack] = await PtaeLive.load([name], show);
+    return new PtaeLive.PTAE(await PtaeLive.networks(pack), pack.about);
   }
   constructor(networks, about) {
     this.networks = networks;
     this.about = about;
-    this.scaling = new Live.Scaling(about.scaling);
+    this.scaling = new PtaeLive.Scaling(about.scaling);
   }
   // The code, and the attention weights [heads][tokens][frames].
   async encode({tokens, mask, keys, frames, query}) {
@@ -40,7 +40,7 @@ Live.PTAE = class {
     return {pose: after.pose_after.data, states: kept};
   }
   // Poses 2 to steps + 1, in network units. video: a function of the step.
-  async act(code, video, start, steps = Live.FRAMES - 1) {
+  async act(code, video, start, steps = PtaeLive.FRAMES - 1) {
     const poses = new Float32Array(5 * steps);
     let states = await this.start(code), pose = start;
     for (let t = 0; t < steps; t++) {
@@ -57,4 +57,4 @@ Live.PTAE = class {
     return {code, attention, told, joints};
   }
 };
-Live.best = told => told.map(row => row.indexOf(Math.max(...row)));
+PtaeLive.best = told => told.map(row => row.indexOf(Math.max(...row)));

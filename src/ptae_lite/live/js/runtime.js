@@ -3,8 +3,8 @@
 {
   let started;
   async function start() {
-    await Live.script("ort");
-    const [{parts}] = await Live.load(["ort"]);
+    await PtaeLive.script("ort");
+    const [{parts}] = await PtaeLive.load(["ort"]);
     const {env} = window.ort;
     env.wasm.numThreads = 1; // more threads need headers that no folder sends
     env.wasm.proxy = false;
@@ -34,7 +34,7 @@
     new window.ort.Tensor(KINDS[numbers.constructor.name], numbers, shape);
 
   // The networks of an unpacked pack, by name.
-  Live.networks = async ({parts}) => {
+  PtaeLive.networks = async ({parts}) => {
     await (started ??= start());
     const found = {};
     for (const [name, bytes] of Object.entries(parts))

@@ -1,7 +1,7 @@
 // Chapter 03: a clip and a query go in; attention, words or a motion come out.
 "use strict";
 {
-  const {element, choice, sentence, clips, latest} = Live.form;
+  const {element, choice, sentence, clips, latest} = PtaeLive.form;
   const PICTURES = 8;
 
   // Which frame each key shows, -1 for zeros. Frames beyond the clip are its padding.
@@ -13,9 +13,9 @@
     "its first half": n => range(n / 2),
   };
   const PADDING = {
-    "zeros, as in training": order => [...order, ...range(Live.FRAMES - order.length).fill(-1)],
+    "zeros, as in training": order => [...order, ...range(PtaeLive.FRAMES - order.length).fill(-1)],
     "nothing: the keys end there": order => order,
-    "its last frame, repeated": order => [...order, ...range(Live.FRAMES - order.length).fill(order.at(-1))],
+    "its last frame, repeated": order => [...order, ...range(PtaeLive.FRAMES - order.length).fill(order.at(-1))],
   };
   const range = n => Array.from({length: n}, (_, i) => i);
   const shuffled = order => { // the same each time
@@ -38,11 +38,11 @@
   };
   const same = names => Object.fromEntries(Object.keys(names).map(name => [name, name]));
 
-  Live.parts.transformer = async (room, show) => {
-    await Live.load(Live.needs.transformer, show);
-    const [pack] = await Live.load(["book"]);
-    const language = new Live.Language(pack.about), all = Live.clips(pack);
-    const model = await Live.PTAE.open("ptae"), autoencoder = await Live.Autoencoder.open();
+  PtaeLive.parts.transformer = async (room, show) => {
+    await PtaeLive.load(PtaeLive.needs.transformer, show);
+    const [pack] = await PtaeLive.load(["book"]);
+    const language = new PtaeLive.Language(pack.about), all = PtaeLive.clips(pack);
+    const model = await PtaeLive.PTAE.open("ptae"), autoencoder = await PtaeLive.Autoencoder.open();
 
     const signal = choice("task", same(Object.fromEntries(Object.keys(language.wiring)
       .filter(name => name !== "repeat both").map(name => [name, 1]))), () => ask());
@@ -62,7 +62,7 @@
       const scaled = model.scaling.clip(own);
       const first = still ? range(own.frames).fill(0) : ORDERS[order.control.value](own.frames);
       const keys = PADDING[padding.control.value](first);
-      const batch = Live.batch(language, name, scaled, reads ? language.encode(words.text) : null,
+      const batch = PtaeLive.batch(language, name, scaled, reads ? language.encode(words.text) : null,
         {keys: keysOf(scaled, keys)});
       batch.frames = first.length;
       if (video.control.value === "frozen" && wiring.video === "clip") {
@@ -73,10 +73,10 @@
       const {told, joints, attention} = await model.answer(batch, {words: talks, motion: !talks});
       const tokens = [name, ...(reads ? ["begin", ...words.text.split(" ")] : []), "end"];
       const shots = range(PICTURES).map(k => keys[Math.floor((k + 0.5) * keys.length / PICTURES)]);
-      const strip = await Live.figures.strip(autoencoder,
+      const strip = await PtaeLive.figures.strip(autoencoder,
         shots.map(t => t < 0 ? null : own.features.subarray(30 * t, 30 * t + 30)),
         `${PICTURES} pictures, drawn from the features of the keys`);
-      const look = Live.figures.attention(attention, tokens, keys.map(t => t >= 0));
+      const look = PtaeLive.figures.attention(attention, tokens, keys.map(t => t >= 0));
       answer.replaceChildren(strip, look);
       if (talks) await tell(said, language, told, own);
       else move(said, answer, model, own, joints);
@@ -95,7 +95,7 @@
 
   // The words, one after another, unless the reader wants no motion.
   async function tell(said, language, told, own) {
-    const best = Live.best(told), sentence = language.decode(best), waits = !matchMedia("(prefers-reduced-motion: reduce)").matches;
+    const best = PtaeLive.best(told), sentence = language.decode(best), waits = !matchMedia("(prefers-reduced-motion: reduce)").matches;
     const meaning = language.meaning(sentence), truth = [own.action, own.colour, own.speed];
     const right = meaning && meaning.every((word, i) => word === truth[i]);
     said.replaceChildren();
@@ -118,6 +118,6 @@
     const text = `The arm moves ${error.toFixed(1)} % of its range away from the recorded clip “${own.sentence}”.`;
     said.textContent = text;
     said.dataset.sentence = "";
-    answer.append(Live.figures.motions(own.joints, made, text));
+    answer.append(PtaeLive.figures.motions(own.joints, made, text));
   }
 }

@@ -5,7 +5,7 @@
   const pieces = {}, told = {};
 
   // Called by each piece when it is loaded; the first also says what the pack holds.
-  Live.take = (name, number, letters, about) => {
+  PtaeLive.take = (name, number, letters, about) => {
     (pieces[name] ??= [])[number] = letters;
     if (about) told[name] = about;
   };
@@ -27,10 +27,10 @@
   }
 
   async function load(name, loaded) {
-    if (!Live.packs[name]) throw new Error(`this site has no pack ${name}`);
-    const {pieces: count, bytes} = Live.packs[name];
+    if (!PtaeLive.packs[name]) throw new Error(`this site has no pack ${name}`);
+    const {pieces: count, bytes} = PtaeLive.packs[name];
     await Promise.all(Array.from({length: count}, async (_, i) => {
-      await Live.script(`${name}.${i}`);
+      await PtaeLive.script(`${name}.${i}`);
       loaded(bytes / count);
     }));
     const {bytes: packed, parts, about} = told[name];
@@ -45,8 +45,8 @@
   }
 
   // The packs of these names, each loaded once. show: called with the share that is loaded.
-  Live.load = async (names, show = () => {}) => {
-    const total = names.reduce((sum, name) => sum + (Live.packs[name]?.bytes ?? 0), 0);
+  PtaeLive.load = async (names, show = () => {}) => {
+    const total = names.reduce((sum, name) => sum + (PtaeLive.packs[name]?.bytes ?? 0), 0);
     let done = 0;
     const loaded = bytes => show((done += bytes) / total);
     const found = await Promise.all(names.map(name => load[name] ??= load(name, loaded)));
