@@ -95,8 +95,8 @@
     own.clip = all.find(one => one.split === "test") ?? all[0];
     signal.control.value = "repeat language";
     shown.control.value = "both";
-    other.clip = all.find(one => one.colours.join() === own.clip.colours.join() && one.action !== own.clip.action &&
-      one.side === own.clip.side && one.speed === own.clip.speed) ?? all[1];
+    other.clip = all.find(one => one.colours.join() === own.clip.colours.join() && one.action === own.clip.action &&
+      one.side === own.clip.side && one.speed !== own.clip.speed) ?? all[1];
     words.text = other.clip.sentence;
     await ask();
   };

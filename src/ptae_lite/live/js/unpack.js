@@ -11,19 +11,15 @@
   };
 
   function bytesOf(texts, count) {
-    const bytes = new Uint8Array(count);
+    const bytes = new Uint8Array(count + 2); // a letter may reach beyond the end
     let bits = 0, have = 0, at = 0;
     for (const text of texts)
       for (let i = 0; i < text.length; i++) {
-        bits = bits << BITS | text.charCodeAt(i) - FIRST;
+        bits = bits << BITS | text.charCodeAt(i) - FIRST; // older bits fall out at the left
         have += BITS;
-        while (have >= 8 && at < count) {
-          have -= 8;
-          bytes[at++] = bits >> have;
-        }
-        bits &= (1 << have) - 1;
+        for (; have >= 8; have -= 8) bytes[at++] = bits >>> have - 8;
       }
-    return bytes;
+    return bytes.subarray(0, count);
   }
 
   async function load(name, loaded) {
