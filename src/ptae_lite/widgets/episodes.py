@@ -18,24 +18,34 @@ from ptae_lite.widgets.scene3d import arm_scene
 from ptae_lite.widgets.viewer import Viewer
 
 WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to the right"}
+TEXTS = {  # of a verdict; also for the page that acts by itself
+    "verdict": "{how}. The {colour} cube ({side}) {named}, the other one {other}; {pace}.",
+    "absent": "There is no {colour} cube here, whatever the arm did ({pace}).",
+    "done": "Done as the sentence says",
+    "not_done": "NOT done: {reason}",
+    "went": "went {mm} mm {way}",
+    "moved": "moved {mm} mm",
+    "fell": "fell off the table",
+    "pace": "{frames} frames, {speed} asked for",
+}
 
 
 def verdict_text(kept: StoredEpisode) -> str:
     """The verdict as a sentence."""
     meaning, verdict = parse(kept.instruction), kept.verdict
     side = side_of(kept.stage, meaning)
-    pace = f"{verdict.frames} frames, {meaning.speed} asked for"
-    fell = kept.episode.cubes[-1, :, 2] < TABLE_TOP_M
+    pace = TEXTS["pace"].format(frames=verdict.frames, speed=meaning.speed)
     if side is None:
-        return f"There is no {meaning.colour} cube here, whatever the arm did ({pace})."
+        return TEXTS["absent"].format(colour=meaning.colour, pace=pace)
+    fell = kept.episode.cubes[-1, :, 2] < TABLE_TOP_M
     named = SIDES.index(side)
-    went = f"went {verdict.named_mm:.0f} mm {WAY[meaning.action]}"
-    moved = f"moved {verdict.other_mm:.0f} mm"
-    return (
-        f"{'Done as the sentence says' if verdict.success else 'NOT done: ' + verdict.reason}. The "
-        f"{meaning.colour} cube ({side}) {'fell off the table' if fell[named] else went}, "
-        f"the other one {'fell off the table' if fell[1 - named] else moved}; {pace}."
-    )
+    went = TEXTS["went"].format(mm=f"{verdict.named_mm:.0f}", way=WAY[meaning.action])
+    moved = TEXTS["moved"].format(mm=f"{verdict.other_mm:.0f}")
+    return TEXTS["verdict"].format(
+        how=TEXTS["done" if verdict.success else "not_done"].format(reason=verdict.reason),
+        colour=meaning.colour, side=side, named=TEXTS["fell"] if fell[named] else went,
+        other=TEXTS["fell"] if fell[1 - named] else moved, pace=pace,
+    )  # fmt: skip
 
 
 class Shown:

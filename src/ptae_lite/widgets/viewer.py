@@ -78,7 +78,21 @@ class Viewer:
         Args:
             shared: use the site's shared script; else the page is complete in itself.
         """
-        scene = {
+        parts = {
+            "SCENE": _pack(json.dumps(self.described(), separators=(",", ":")).encode()),
+            "MOVES": _pack(_steps(self.poses).astype("<i2").tobytes()),
+            # last: the others cannot hold an @, these can
+            "CAPTION": html.escape(self.caption),
+            "TITLE": html.escape(self.title),
+        }
+        page = self.template(shared=shared)
+        for name, text in parts.items():
+            page = page.replace(f"@{name}@", text)
+        return page
+
+    def described(self) -> dict:
+        """The scene without its movement: what the page's script reads first."""
+        return {
             "commands": self.commands,
             "moving": self.moving,
             "last": len(self.poses) - 1,
@@ -89,19 +103,13 @@ class Viewer:
             "eye": self.eye and _film(self.eye),
             "autoplay": self.autoplay,
         }
-        parts = {
-            "VIEWER": "" if shared else _pack(_library()),
-            "PLAYER": _SHARED_PLAYER if shared else f"<script>\n{_read('viewer.js')}</script>",
-            "SCENE": _pack(json.dumps(scene, separators=(",", ":")).encode()),
-            "MOVES": _pack(_steps(self.poses).astype("<i2").tobytes()),
-            # last: the others cannot hold an @, these can
-            "CAPTION": html.escape(self.caption),
-            "TITLE": html.escape(self.title),
-        }
-        page = _read("viewer.html")
-        for name, text in parts.items():
-            page = page.replace(f"@{name}@", text)
-        return page
+
+    @staticmethod
+    def template(*, shared: bool) -> str:
+        """The page with its scripts; @SCENE@, @MOVES@, @CAPTION@ and @TITLE@ are still to fill."""
+        page = _read("viewer.html").replace("@VIEWER@", "" if shared else _pack(_library()))
+        player = _SHARED_PLAYER if shared else f"<script>\n{_read('viewer.js')}</script>"
+        return page.replace("@PLAYER@", player)
 
     def save(self, path: str | Path) -> Path:
         """Write the complete page to a file, and return its path."""

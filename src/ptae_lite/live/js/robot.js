@@ -1,0 +1,61 @@
+// The robot in the page: its physics, its eye and its constants, opened once.
+"use strict";
+PtaeLive.Robot = class {
+  static async open(show) {
+    const [engine, scene] = await PtaeLive.load(["mujoco", "scene"], show);
+    const mujoco = await PtaeLive.loadMuJoCo(engine.parts.module, engine.parts.wasm);
+    return new PtaeLive.Robot(mujoco, scene);
+  }
+  constructor(mujoco, {parts, about}) {
+    this.about = about;
+    this.world = new PtaeLive.World(mujoco, about);
+    this.camera = new PtaeLive.Camera(about.camera, about.links);
+    const cubes = new Float32Array(parts.cubes.buffer, parts.cubes.byteOffset, parts.cubes.length / 4);
+    const number = (sample, cube, i) => cubes[14 * sample + 7 * cube + i];
+    // the places of the cubes of a recorded sample
+    this.recorded = sample => ({
+      places_m: [0, 1].map(cube => [number(sample, cube, 0), number(sample, cube, 1)]),
+      yaws_rad: [0, 1].map(cube => 2 * Math.atan2(number(sample, cube, 5), number(sample, cube, 6))),
+    });
+  }
+
+  // What the eye sees, as an ImageData.
+  look(joints_rad, cubes, colours) {
+    const {width, height} = this.about.camera;
+    return new ImageData(this.camera.image(joints_rad, cubes, colours).slice(), width, height);
+  }
+
+  // Acts a sentence; of tokens null, none. setting: colours, places_m, yaws_rad.
+  act(policy, language, tokens, setting, autoencoder) {
+    const look = (joints_rad, cubes) => autoencoder.encode(this.look(joints_rad, cubes, setting.colours));
+    return PtaeLive.perform(this.world, setting, PtaeLive.policy(policy, language, tokens, look));
+  }
+
+  // The clip that an episode is for a model that describes: what the eye saw in each frame.
+  async clip(episode, colours, autoencoder) {
+    const frames = Math.min(episode.joints_rad.length, PtaeLive.FRAMES);
+    const features = new Float32Array(30 * frames), joints = new Float32Array(5 * frames);
+    for (let t = 0; t < frames; t++) {
+      features.set(await autoencoder.encode(this.look(episode.joints_rad[t], episode.cubes[t], colours)), 30 * t);
+      joints.set(episode.joints_rad[t], 5 * t);
+    }
+    return {frames, features, joints};
+  }
+
+  // The verdict as a sentence. meaning: action, colour, speed.
+  told(episode, [action, colour, speed], colours) {
+    const {texts, sides, table_top_m} = this.about, named = colours.indexOf(colour);
+    const fill = (name, values) => texts[name].replace(/{(\w+)}/g, (_, key) => values[key]);
+    const pace = fill("pace", {frames: episode.cubes.length, speed});
+    if (named < 0) return {success: false, text: fill("absent", {colour, pace})};
+    const verdict = PtaeLive.judge(this.about, episode, {action, side: sides[named], speed});
+    const fell = k => episode.cubes.at(-1)[k][2] < table_top_m;
+    const mm = value => value.toFixed(0);
+    const text = fill("verdict", {
+      how: verdict.success ? texts.done : fill("not_done", verdict), colour, side: sides[named], pace,
+      named: fell(named) ? texts.fell : fill("went", {mm: mm(verdict.named_mm), way: texts.way[action]}),
+      other: fell(1 - named) ? texts.fell : fill("moved", {mm: mm(verdict.other_mm)}),
+    });
+    return {...verdict, text};
+  }
+};

@@ -1,0 +1,52 @@
+"""What a page needs to act: MuJoCo, the scene with its constants, and a template of the 3-D view.
+
+All of it comes from `robot` and from the views of the book; no number is written a second time.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ptae_lite.data.samples import Samples
+from ptae_lite.language import SIDES
+from ptae_lite.live import camera, packing, scene, scripts
+from ptae_lite.robot.inverse import home_rad
+from ptae_lite.robot.scene import NOMINAL_PLACES_M
+from ptae_lite.widgets import episodes, scene3d
+
+ENGINE = "@mujoco/mujoco"
+LOOK = ("red", "blue")  # colours in the template; a page puts others in their place
+
+
+def engine(folder) -> dict:
+    """Write MuJoCo's module and its WebAssembly, packed."""
+    source = scripts.folder() / ENGINE
+    parts = {"wasm": "mujoco.wasm", "module": "mujoco.js"}
+    return packing.write(
+        folder, "mujoco", {part: (source / name).read_bytes() for part, name in parts.items()}
+    )
+
+
+def stage(folder, samples: Samples) -> dict:
+    """Write the constants, the first poses of the cubes of all samples, and the view's template."""
+    first = samples.cubes[:, 0].reshape(-1, 2, 7).astype("<f4")
+    about = scene.constants() | {"camera": camera.constants(), "view": view()}
+    about["texts"] = episodes.TEXTS | {"way": episodes.WAY}
+    about["recorded"] = [[int(p), int(v)] for p, v in
+                         zip(samples.pattern, samples.variation, strict=True)]  # fmt: skip
+    return packing.write(folder, "scene", {"cubes": first.tobytes()}, about)
+
+
+def view() -> dict:
+    """The page of a 3-D scene without its movement, and what a script puts into it."""
+    joints_rad = np.stack([home_rad(), home_rad() + 0.1])
+    cubes = np.zeros((2, 2, 7))
+    cubes[:, :, :2] = NOMINAL_PLACES_M
+    cubes[:, :, 6] = 1
+    cubes[1, :, 2] += 0.1  # all that can move has to move once
+    made = scene3d.arm_scene(joints_rad, cubes, LOOK, still_png=b"\x89PNG")
+    return {
+        "page": made.template(shared=True),
+        "scene": made.described(),
+        "cubes": {side: f"/scene/cubes/{side}" for side in SIDES},
+    }
