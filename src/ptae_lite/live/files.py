@@ -18,7 +18,7 @@ import torch
 
 from ptae_lite import artefacts, vision
 from ptae_lite.data.samples import Samples, load_samples
-from ptae_lite.live import clips, export, networks, packing, scripts
+from ptae_lite.live import clips, export, networks, packing, scripts, world
 from ptae_lite.models import checkpoint
 
 JS = Path(__file__).parent / "js"
@@ -96,7 +96,9 @@ def write(folder) -> dict:
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
-    packs = {"ort": runtime(folder), "book": book(folder, load_samples("recording"))}
+    samples = load_samples("recording")
+    packs = {"ort": runtime(folder), "book": book(folder, samples)}
+    packs |= {"mujoco": world.engine(folder), "scene": world.stage(folder, samples)}
     for name, path in MODELS.items():
         packs[name] = model(folder, name, artefacts.stored(path))
     packs["autoencoder"] = autoencoder(folder, artefacts.stored(ENCODER))

@@ -7,9 +7,11 @@ window.PtaeLive = {
   needs: { // the packs of each
     transformer: ["ort", "book", "ptae", "autoencoder"],
     conflict: ["ort", "book", "ptae"],
+    act: ["ort", "book", "mujoco", "scene", "autoencoder", "policy", "ptae"],
   },
   scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "autoencoder", "form",
-    "figures", "transformer_part", "conflict_part"],
+    "figures", "transformer_part", "conflict_part", "kinematics", "physics", "acting", "camera", "policy",
+    "robot", "stage", "act_part"],
 };
 
 // A classic script: a page in a folder may fetch nothing.
