@@ -79,7 +79,8 @@
         says = what[0] ? `The motion is nearest to “${what[0]} the ${what[1]} cube ${what[2]}”, ${near.distance.toFixed(1)} % away.`
           : `The motion is like no recorded one: ${near.distance.toFixed(1)} % from the nearest mean.`;
         const from = clip.joints.subarray(0, 5);
-        answer.append(PtaeLive.figures.motions(clip.joints, [...from, ...made], says));
+        answer.append(element("div", {class: "ptae-live-scroll"},
+          PtaeLive.figures.motions(clip.joints, [...from, ...made], says)));
         said.dataset.sentence = "";
       }
       const follows = PtaeLive.follows(what, truth, distractor ?? truth);
