@@ -11,8 +11,7 @@ import pytest
 from ptae_lite.data.signals import WIRING
 from ptae_lite.errors import PTAEError
 from ptae_lite.language import TOKENS, parse
-from ptae_lite.live import clips, packing, scripts
-from ptae_lite.widgets import live_part
+from ptae_lite.live import clips, live_part, packing, scripts
 from ptae_lite.widgets.panels import Panel
 
 JS = Path(scripts.__file__).parent / "js"

@@ -38,6 +38,7 @@ def constants() -> dict:
             "wrong": closed_loop.WRONG,
         },
         "links": links(),
+        "fingertip_m": arm.FINGERTIP_M,
     }
 
 

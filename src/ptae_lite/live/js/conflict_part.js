@@ -25,7 +25,8 @@
 
   PtaeLive.parts.conflict = async (room, show) => {
     await PtaeLive.load(PtaeLive.needs.conflict, show);
-    const [pack] = await PtaeLive.load(["book"]);
+    const [pack, scene] = await PtaeLive.load(["book", "scene"]);
+    const places = new Float32Array(scene.parts.cubes.buffer, scene.parts.cubes.byteOffset, scene.parts.cubes.length / 4);
     const language = new PtaeLive.Language(pack.about), all = PtaeLive.clips(pack), model = await PtaeLive.PTAE.open("ptae");
     const bytes = pack.parts.motions, means = {...pack.about,
       tracks: new Float32Array(bytes.buffer, bytes.byteOffset, bytes.length / 4)};
@@ -78,9 +79,12 @@
         what = near.said;
         says = what[0] ? `The motion is nearest to “${what[0]} the ${what[1]} cube ${what[2]}”, ${near.distance.toFixed(1)} % away.`
           : `The motion is like no recorded one: ${near.distance.toFixed(1)} % from the nearest mean.`;
-        const from = clip.joints.subarray(0, 5);
-        answer.append(element("div", {class: "ptae-live-scroll"},
-          PtaeLive.figures.motions(clip.joints, [...from, ...made], says)));
+        const moved = [...clip.joints.subarray(0, 5), ...made];
+        const cubes = [0, 7].map(at => places.subarray(14 * clip.sample + at, 14 * clip.sample + at + 7));
+        answer.append(
+          PtaeLive.arms(scene.about, cubes, clip.colours, {"the recorded arm": clip.joints, "the model's": moved},
+            "Both arms over the table"),
+          element("div", {class: "ptae-live-scroll"}, PtaeLive.figures.motions(clip.joints, moved, says)));
         said.dataset.sentence = "";
       }
       const follows = PtaeLive.follows(what, truth, distractor ?? truth);

@@ -6,11 +6,11 @@ window.PtaeLive = {
   parts: {}, // name of a live part: function (room, show) that builds it
   needs: { // the packs of each
     transformer: ["ort", "book", "ptae", "autoencoder"],
-    conflict: ["ort", "book", "ptae"],
+    conflict: ["ort", "book", "scene", "ptae"],
     act: ["ort", "book", "mujoco", "scene", "autoencoder", "policy", "ptae"],
   },
   scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "autoencoder", "form",
-    "figures", "transformer_part", "conflict_part", "kinematics", "physics", "acting", "camera", "policy",
+    "figures", "arms", "transformer_part", "conflict_part", "kinematics", "physics", "acting", "camera", "policy",
     "robot", "stage", "act_part"],
 };
 
