@@ -9,9 +9,10 @@ import sys
 import threading
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bidi import firefox
-from pages import SITE, chromium, opened, stale
+from pages import SITE, chromium, opened, pixels, stale, until
 
 from ptae_lite.live import scripts
 
@@ -27,6 +28,7 @@ PAGE = """<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Live
 <script src="live/packs.js"></script><script src="live/more.js"></script>
 <script src="compare.js"></script></head><body>
 <div data-ptae-live="transformer" data-offer="Run it"><p class="stored">stored</p></div>
+<div data-ptae-live="vision" data-offer="Run it"><p class="stored">stored</p></div>
 <div data-ptae-live="conflict" data-offer="Run it"><p class="stored">stored</p></div></body></html>
 """
 FAULTS = {"swapped_gates": ("ptae", "ptae joints"), "missing_bias": ("ptae", "words"),
@@ -137,10 +139,20 @@ def said(place) -> str:
     return place.locator(".ptae-live-said").get_attribute("data-sentence")
 
 
-def test_a_part_is_ready_soon_and_shows_how_far_it_is(page):
-    begun = page.evaluate("performance.now()")
+def test_a_part_is_ready_soon(browser, folder):
+    seconds = []
+    while not seconds or min(seconds) > 3 and len(seconds) < 3:  # a busy machine gets three tries
+        with opened(browser) as page:
+            page.goto((folder / "index.html").as_uri())
+            begun = page.evaluate("performance.now()")
+            press(page, "transformer")
+            seconds.append((page.evaluate("performance.now()") - begun) / 1000)
+    print("ready after", seconds)
+    assert min(seconds) < 3
+
+
+def test_a_part_takes_the_place_of_what_is_stored(page):
     place = press(page, "transformer")
-    assert page.evaluate("performance.now()") - begun < 3000
     assert place.locator(".stored").count() == 0
     assert said(place) and "The model says" in place.inner_text()
     assert page.locator("[data-ptae-live=conflict] .stored").is_visible()  # nobody asked for it
@@ -177,6 +189,26 @@ def test_a_conflict_is_followed_or_not(page):
     choose(place, "task", "describe")
     choose(place, "also tell it", "a sentence")
     assert place.get_by_label("colour").is_visible()
+
+
+def test_paint_and_colours_reach_the_decoder(page):
+    place = press(page, "vision")
+    pictures = place.locator("canvas")
+    before = [pixels(one) for one in pictures.all()]
+    choose(place, "right cube", "yellow")
+    after = [pixels(one) for one in pictures.all()]
+    assert all(np.abs(a - b).max() > 100 for a, b in zip(before, after, strict=True))
+    count = answered(place)
+    pictures.first.focus()
+    for key in ("ArrowLeft", "ArrowUp", "Space"):
+        page.keyboard.press(key)
+    until(lambda: answered(place) > count)
+    assert np.abs(pixels(pictures.first) - after[0]).max() > 50
+    choose(place, "number to move", "red 1")
+    count, drawn = answered(place), pixels(pictures.last)
+    place.locator("input[type=range]").press("End")
+    until(lambda: answered(place) > count)
+    assert np.abs(pixels(pictures.last) - drawn).max() > 20
 
 
 def test_controls_have_names_and_the_keyboard_is_enough(page):
@@ -254,7 +286,7 @@ def test_in_firefox_the_models_answer_as_in_pytorch_and_parts_work(folder):
         print(json.dumps(found, indent=1))
         assert found["same"] == 216 and found["agree"] == found["conflicts"]
         assert over(found) == []
-        for part in ("transformer", "conflict"):
+        for part in ("vision", "transformer", "conflict"):
             told = page.evaluate(f"""(async () => {{
               const place = document.querySelector("[data-ptae-live={part}]");
               const begun = performance.now();

@@ -127,5 +127,5 @@ def test_every_part_has_its_script_and_says_what_it_needs():
     for part in live_part.PARTS:
         assert re.search(rf"^\s+{part}: \[", loader, re.MULTILINE)
         assert f"PtaeLive.parts.{part} =" in (JS / f"{part}_part.js").read_text("utf-8")
-    with pytest.raises(PTAEError, match="no live part 'x'; there are transformer, conflict"):
+    with pytest.raises(PTAEError, match="no live part 'x'; there are vision, transformer, "):
         live_part.LivePart("x", None, "")

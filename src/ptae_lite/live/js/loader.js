@@ -5,12 +5,13 @@ window.PtaeLive = {
   packs: {}, // names of the packs with their pieces and bytes, from packs.js
   parts: {}, // name of a live part: function (room, show) that builds it
   needs: { // the packs of each
+    vision: ["ort", "book", "scene", "autoencoder"],
     transformer: ["ort", "book", "ptae", "autoencoder"],
     conflict: ["ort", "book", "scene", "ptae"],
     act: ["ort", "book", "mujoco", "scene", "autoencoder", "policy", "ptae"],
   },
   scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "autoencoder", "form",
-    "figures", "arms", "transformer_part", "conflict_part", "kinematics", "physics", "acting", "camera", "policy",
+    "figures", "arms", "vision_part", "transformer_part", "conflict_part", "kinematics", "physics", "acting", "camera", "policy",
     "robot", "stage", "act_part"],
 };
 
