@@ -1,12 +1,17 @@
 """Models in a page: the same answers as in PyTorch, from a folder, without a network."""
 
+import base64
 import functools
+import hashlib
 import http.server
 import json
+import re
 import shutil
 import subprocess
 import sys
 import threading
+from contextlib import contextmanager
+from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -245,16 +250,33 @@ def test_a_missing_pack_is_said_and_stored_answers_stay(browser, folder, tmp_pat
 # ---------------------------------------------------------------- behind a server
 
 
+def inline(html: str) -> set[str]:
+    """The scripts that stand in a page: in its elements, its attributes and its frames."""
+    found = set(re.findall(r"<script(?![^>]*\ssrc=)[^>]*>(.*?)</script>", html, re.DOTALL))
+    found |= {unescape(one) for one in re.findall(r"""\son\w+="([^"]*)\"""", html)}
+    for frame in re.findall(r"""\ssrcdoc="([^"]*)\"""", html):
+        found |= inline(unescape(frame))
+    return found
+
+
 class Handler(http.server.SimpleHTTPRequestHandler):
+    """Files with the policy, and with the hashes of the scripts that stand in a page."""
+
     def end_headers(self):
-        self.send_header("Content-Security-Policy", POLICY)
+        path, policy = Path(self.translate_path(self.path)), POLICY
+        if path.suffix == ".html":
+            digests = (hashlib.sha256(one.encode()).digest() for one in inline(path.read_text()))
+            policy += " 'unsafe-hashes' " + " ".join(
+                f"'sha256-{base64.b64encode(one).decode()}'" for one in digests
+            )
+        self.send_header("Content-Security-Policy", policy)
         super().end_headers()
 
     def log_message(self, *_):
         pass
 
 
-@pytest.fixture
+@contextmanager
 def server(folder):
     handler = functools.partial(Handler, directory=folder)
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as one:
@@ -263,17 +285,27 @@ def server(folder):
         one.shutdown()
 
 
-def test_a_server_with_a_strict_policy_will_do(browser, server):
+def check_served(browser, folder, name: str, part: str) -> None:
+    """A part works behind the server; nothing else is asked, nothing is refused."""
     context = browser.new_context(reduced_motion="reduce")
     page, wrong = context.new_page(), []
     page.on("console", lambda one: wrong.append(one.text) if one.type == "error" else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    page.on("request", lambda one: None if one.url.startswith((server, "blob:", "data:"))
-            else wrong.append(one.url))  # fmt: skip
-    page.goto(server)
-    place = press(page, "conflict")
-    assert said(place) is not None and wrong == []
+    with server(folder) as address:
+        page.on("request", lambda one: None if one.url.startswith((address, "blob:", "data:"))
+                else wrong.append(one.url))  # fmt: skip
+        page.goto(address + name)
+        assert said(press(page, part)) is not None
+        assert wrong == []
     context.close()
+
+
+def test_a_server_with_a_strict_policy_will_do(browser, folder):
+    check_served(browser, folder, "index.html", "conflict")
+
+
+def test_a_page_of_the_site_works_behind_that_server(browser):
+    check_served(browser, SITE, "05_incongruence.html", "conflict")
 
 
 # ---------------------------------------------------------------- Firefox
