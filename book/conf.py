@@ -110,7 +110,7 @@ def write_live(app) -> None:
     """What live parts load: models, runtimes, and the licences of the scripts by others."""
     if not live:
         logger.info("The scripts of package.json are not installed: pages show stored answers.")
-    elif app.builder.format == "html":
+    elif app.builder.name == "html":
         files.write(Path(app.outdir, "_static", "live"))
 
 

@@ -92,6 +92,17 @@ def test_frames_are_scalable_pictures_with_their_own_alternative_text():
     assert len(set(frames)) == len(frames)
 
 
+def test_a_figure_with_pictures_is_no_drawing():
+    def show(n):
+        figure, axes = plt.subplots(figsize=(3, 3))
+        axes.imshow(np.random.default_rng(n).random((200, 200, 3)))
+        return figure
+
+    frames, _ = frames_in(Panel(show, [1, 2], "Pictures").html())
+    assert all('src="data:image/webp;base64,' in frame for frame in frames)
+    assert frames == frames_in(Panel(show, [1, 2], "Pictures").html())[0]
+
+
 def test_positions_that_show_the_same_share_a_frame():
     def show(share, signal):
         return "always" if signal == "execute" else f"{share:g}"
