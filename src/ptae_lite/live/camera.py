@@ -15,9 +15,9 @@ from jaxtyping import Float
 
 from ptae_lite.robot import arm, scene
 
-NEAR_M, FAR_M = scene.NEAR_M, scene.FAR_M
 CYLINDER_STEPS = 32  # corners of each end
 HULL_MARGIN_M = 0.001  # of a cylinder
+BEHIND = ("torso", "head")  # the eye never sees them
 
 
 def view_matrix() -> Float[np.ndarray, "4 4"]:
@@ -36,8 +36,9 @@ def projection_matrix() -> Float[np.ndarray, "4 4"]:
     height = 1 / np.tan(np.radians(scene.VERTICAL_VIEW_DEG) / 2)
     made = np.zeros((4, 4))
     made[0, 0], made[1, 1] = height * scene.IMAGE_HEIGHT / scene.IMAGE_WIDTH, height
-    made[2, 2] = (NEAR_M + FAR_M) / (NEAR_M - FAR_M)
-    made[2, 3], made[3, 2] = 2 * NEAR_M * FAR_M / (NEAR_M - FAR_M), -1
+    near, far = scene.NEAR_M, scene.FAR_M
+    made[2, 2], made[2, 3] = (near + far) / (near - far), 2 * near * far / (near - far)
+    made[3, 2] = -1
     return made
 
 
@@ -60,9 +61,6 @@ def constants() -> dict:
     }
 
 
-BEHIND = ("torso", "head")  # the eye never sees them
-
-
 def mesh(shape: arm.Shape) -> dict:
     """Triangles of a shape in its link's frame: nine coordinates each, and nine of normals."""
     if shape.kind == "box":
@@ -74,8 +72,8 @@ def mesh(shape: arm.Shape) -> dict:
     x, y, z = (arm.rotation(a, [t])[0] for a, t in zip(np.eye(3), shape.rpy, strict=True))
     turn = z @ y @ x
     return {
-        "corners": np.round(corners @ turn.T + shape.xyz, 7).ravel().tolist(),
-        "normals": np.round(normals @ turn.T, 7).ravel().tolist(),
+        "corners": np.round(corners @ turn.T + shape.xyz, 6).ravel().tolist(),
+        "normals": np.round(normals @ turn.T, 5).ravel().tolist(),
     }
 
 
@@ -95,10 +93,9 @@ def box(size) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sphere() -> np.ndarray:
-    """The 42 directions: the corners of an icosahedron that stands on one, and its edges' middles."""
-    ring = np.radians(72 * np.arange(5))
-    low, wide = 1 / np.sqrt(5), 2 / np.sqrt(5)
-    lower = np.stack([wide * np.cos(ring + np.pi / 5), wide * np.sin(ring + np.pi / 5), -low + 0 * ring], 1)  # fmt: skip
+    """The 42 directions: corners of an icosahedron that stands on one, and middles of its edges."""
+    ring = np.radians(36 + 72 * np.arange(5))
+    lower = np.stack([2 * np.cos(ring), 2 * np.sin(ring), np.full(5, -1.0)], axis=1) / np.sqrt(5)
     corners = np.array([[0, 0, -1], *lower, *-lower, [0, 0, 1]])
     edge = np.linalg.norm(lower[0] - lower[1])
     middles = [
