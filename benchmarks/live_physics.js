@@ -2,9 +2,9 @@
 "use strict";
 // tasks: rows of live_physics.tasks. Gives verdict, distances and milliseconds of each.
 globalThis.actAgain = async (tasks, told = () => {}) => {
-  const robot = await PtaeLive.Robot.open(), policy = await PtaeLive.PTAE.open("policy");
+  const robot = await PtaeLive.Robot.open(), policy = await PtaeLive.PTAE.open("policy"), made = [];
   const autoencoder = await PtaeLive.Autoencoder.open(), [book] = await PtaeLive.load(["book"]);
-  const language = new PtaeLive.Language(book.about), made = [];
+  const language = new PtaeLive.Language(book.about);
   for (const task of tasks) {
     const begun = performance.now();
     const episode = task.joints_rad

@@ -5,6 +5,8 @@ Everything here comes from `robot`: no number is written a second time.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ptae_lite.language import SIDES
 from ptae_lite.robot import arm, closed_loop, inverse, motions, scene
 from ptae_lite.robot.mjcf import nico_mjcf
@@ -24,7 +26,7 @@ def constants() -> dict:
         "upper_rad": arm.UPPER_RAD.tolist(),
         "table_top_m": scene.TABLE_TOP_M,
         "cube_edge_m": scene.CUBE_EDGE_M,
-        "nominal_places_m": scene.NOMINAL_PLACES_M,
+        "table_m": table(),
         "rule": {
             "limit": closed_loop.LIMIT,
             "away_rad": closed_loop.AWAY_RAD,
@@ -40,6 +42,13 @@ def constants() -> dict:
         "links": links(),
         "fingertip_m": arm.FINGERTIP_M,
     }
+
+
+def table() -> dict:
+    """The corners of the table's top, as x and y."""
+    (top,) = scene.TABLE_SHAPES
+    middle, half = np.array(top.xyz[:2]), np.array(top.size[:2]) / 2
+    return {"low": (middle - half).tolist(), "high": (middle + half).tolist()}
 
 
 def links() -> list[dict]:

@@ -27,13 +27,20 @@ def engine(folder) -> dict:
     )
 
 
+def constants() -> dict:
+    """All that a page's scripts know of the robot, its scene, its camera and its verdicts."""
+    return scene.constants() | {
+        "camera": camera.constants(),
+        "view": view(),
+        "texts": episodes.TEXTS | {"way": episodes.WAY},
+    }
+
+
 def stage(folder, samples: Samples) -> dict:
-    """Write the constants, the first poses of the cubes of all samples, and the view's template."""
+    """Write the constants, and where the cubes of all samples stand at first."""
     first = samples.cubes[:, 0].reshape(-1, 2, 7).astype("<f4")
-    about = scene.constants() | {"camera": camera.constants(), "view": view()}
-    about["texts"] = episodes.TEXTS | {"way": episodes.WAY}
-    about["recorded"] = [[int(p), int(v)] for p, v in
-                         zip(samples.pattern, samples.variation, strict=True)]  # fmt: skip
+    of = zip(samples.pattern.tolist(), samples.variation.tolist(), strict=True)
+    about = constants() | {"recorded": [list(one) for one in of]}
     return packing.write(folder, "scene", {"cubes": first.tobytes()}, about)
 
 

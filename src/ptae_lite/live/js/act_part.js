@@ -15,7 +15,8 @@
     const all = sentences(language), list = element("datalist", {id: `ptae-sentences-${document.querySelectorAll("datalist").length}`},
       ...all.map(value => element("option", {value})));
     const text = element("input", {type: "text", list: list.id, size: 32, autocomplete: "off", spellcheck: "false"});
-    const cubes = choice("cubes", Object.fromEntries(Object.keys(scenes).map(name => [name, name])), () => picture());
+    const cubes = choice("cubes", Object.fromEntries(Object.keys(scenes).map(name => [name, name])));
+    const places = placing(robot, () => picture());
     const number = element("input", {type: "number", min: 1, max: scenes[first].length, value: 1});
     const button = element("button", {type: "submit"}, "Act");
     const said = element("p", {"aria-live": "polite", class: "ptae-live-said"});
@@ -23,31 +24,42 @@
     const view = element("div");
     const form = element("form", {class: "ptae-live-controls"},
       element("label", {}, "sentence ", text), list, cubes.row, element("label", {}, "scene ", number), button);
-    room.append(form, eye, said, view, element("p", {class: "ptae-live-note"},
+    room.append(form, places.row, eye, said, view, element("p", {class: "ptae-live-note"},
       "The policy of chapter 06 gets the sentence and this one picture. Motors and cubes move in MuJoCo, the picture is drawn " +
       "as the recording's camera draws it, and the verdict is that of chapter 06: " +
       `${robot.about.rule.travel_mm} mm the right way, the other cube still, the right speed, and home again.`));
 
-    const chosen = () => {
+    const recorded = () => {
       const of = scenes[cubes.control.value], at = Math.min(Math.max(Math.round(number.valueAsNumber) || 1, 1), of.length);
       number.value = at;
       return of[at - 1];
     };
+    const chosen = () => ({...recorded(), places_m: places.places_m});
     const picture = () => {
-      const {colours, places_m, yaws_rad} = chosen();
-      robot.world.reset({places_m, yaws_rad});
-      eye.getContext("2d").putImageData(robot.look(robot.world.joints_rad(), robot.world.cubes(), colours), 0, 0);
+      const setting = chosen();
+      eye.getContext("2d").putImageData(robot.look(robot.about.home_rad, robot.placed(setting), setting.colours), 0, 0);
     };
-    number.onchange = picture;
+    const reset = () => {
+      places.places_m = recorded().places_m;
+      picture();
+    };
+    cubes.control.onchange = number.onchange = reset;
 
+    const alert = problem => {
+      said.setAttribute("role", "alert");
+      said.textContent = problem;
+    };
     const act = latest(async () => {
       said.removeAttribute("role");
       let tokens;
       try {
         tokens = language.encode(text.value.toLowerCase());
       } catch (problem) {
-        said.setAttribute("role", "alert");
-        said.textContent = `${problem.message}.`;
+        alert(`${problem.message}.`);
+        return;
+      }
+      if (places.overlap) {
+        alert("The two cubes are in one place; move one of them.");
         return;
       }
       const setting = chosen(), meaning = language.meaning(text.value.toLowerCase());
@@ -75,8 +87,36 @@
       act();
     };
     text.value = `push ${scenes[first][0].colours[0]} slowly`;
-    picture();
+    reset();
   };
+
+  // Sliders that put the cubes anywhere on the table.
+  function placing(robot, changed) {
+    const {sides, table_m: {low, high}, cube_edge_m: edge} = robot.about, sliders = [];
+    const names = ["away from the robot", "to the robot's left"];
+    const row = element("details", {}, element("summary", {}, "Put the cubes elsewhere"));
+    sides.forEach((side, cube) => names.forEach((name, i) => {
+      const slider = element("input", {type: "range", step: 1, min: Math.ceil(1000 * (low[i] + edge / 2)), max: Math.floor(1000 * (high[i] - edge / 2))});
+      const told = element("output", {});
+      slider.oninput = () => { told.value = ` ${slider.value} mm`; changed(); };
+      row.append(element("label", {class: "ptae-live-place"}, `${side} cube, ${name} `, slider, told));
+      sliders.push({slider, told});
+    }));
+    return {
+      row,
+      get places_m() { return sides.map((_, cube) => [0, 1].map(i => sliders[2 * cube + i].slider.valueAsNumber / 1000)); },
+      set places_m(places) {
+        sliders.forEach(({slider, told}, k) => {
+          slider.value = 1000 * places[k >> 1][k & 1];
+          told.value = ` ${slider.value} mm`;
+        });
+      },
+      get overlap() {
+        const [[a, b], [c, d]] = this.places_m;
+        return Math.hypot(a - c, b - d) < edge;
+      },
+    };
+  }
 
   // Recorded scenes by their two cubes.
   function scenesOf(robot, clips) {

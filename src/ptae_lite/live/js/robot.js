@@ -19,6 +19,12 @@ PtaeLive.Robot = class {
     });
   }
 
+  // Poses of cubes that stand on the table.
+  placed({places_m, yaws_rad}) {
+    const z = this.about.table_top_m + this.about.cube_edge_m / 2;
+    return places_m.map(([x, y], k) => [x, y, z, 0, 0, Math.sin(yaws_rad[k] / 2), Math.cos(yaws_rad[k] / 2)]);
+  }
+
   // What the eye sees, as an ImageData.
   look(joints_rad, cubes, colours) {
     const {width, height} = this.about.camera;
