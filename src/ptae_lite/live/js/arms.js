@@ -31,7 +31,7 @@
   // about: of the pack "scene"; cubes: poses at the start; motions: {name: rows of joints}, the first
   // is drawn dashed. Returns an element whose slider moves both.
   PtaeLive.arms = (about, cubes, colours, motions, title) => {
-    const {element} = PtaeLive.form, names = Object.keys(motions);
+    const {element, labelled} = PtaeLive.form, names = Object.keys(motions);
     const tracks = names.map(name => Array.from({length: motions[name].length / 5}, (_, t) =>
       bones(about, motions[name].slice(5 * t, 5 * t + 5))));
     const z = about.table_top_m; // of the table, the part about the cubes
@@ -76,7 +76,7 @@
       }, 1000 / about.frames_per_s);
     };
     show(Math.round(last / 2));
-    const row = element("p", {}, play, element("label", {}, " frame ", slider, " "), shown, ` – dashed: ${names[0]}; solid: ${names[1]}`);
+    const row = element("p", {}, play, " ", labelled("frame", slider, " "), shown, ` – dashed: ${names[0]}; solid: ${names[1]}`);
     return element("div", {}, element("div", {class: "ptae-live-scroll"}, svg), row);
   };
 }

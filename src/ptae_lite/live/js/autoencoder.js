@@ -2,9 +2,9 @@
 "use strict";
 PtaeLive.Autoencoder = class {
   static PIXELS = 120 * 160;
-  static async open(show) {
-    const [pack] = await PtaeLive.load(["autoencoder"], show);
-    return new PtaeLive.Autoencoder(await PtaeLive.networks(pack));
+  static async open() {
+    const [pack] = await PtaeLive.load(["autoencoder"]);
+    return new PtaeLive.Autoencoder(PtaeLive.networks(pack));
   }
   constructor(networks) {
     this.networks = networks;

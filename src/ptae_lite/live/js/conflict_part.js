@@ -24,10 +24,10 @@
   };
 
   PtaeLive.parts.conflict = async (room, show) => {
-    await PtaeLive.load(PtaeLive.needs.conflict, show);
-    const [pack, scene] = await PtaeLive.load(["book", "scene"]);
+    const [[, pack, scene], model] = await Promise.all(
+      [PtaeLive.load(PtaeLive.needs.conflict, show), PtaeLive.PTAE.open("ptae")]);
+    const language = new PtaeLive.Language(pack.about), all = PtaeLive.clips(pack);
     const places = new Float32Array(scene.parts.cubes.buffer, scene.parts.cubes.byteOffset, scene.parts.cubes.length / 4);
-    const language = new PtaeLive.Language(pack.about), all = PtaeLive.clips(pack), model = await PtaeLive.PTAE.open("ptae");
     const bytes = pack.parts.motions, means = {...pack.about,
       tracks: new Float32Array(bytes.buffer, bytes.byteOffset, bytes.length / 4)};
 

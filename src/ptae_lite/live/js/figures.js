@@ -46,16 +46,15 @@
     return picture(high + 22, says, ...charts, text(8, high + 16, `dashed: ${names[0]}; solid: ${names[1]}`));
   };
 
-  // A row of canvases, drawn from features; null is a place without a picture.
-  const strip = async (autoencoder, features, says) => {
-    const made = PtaeLive.form.element("div", {class: "ptae-live-strip", role: "img", "aria-label": says});
-    for (const one of features) {
-      const canvas = PtaeLive.form.element("canvas", {width: 160, height: 120});
-      if (one) canvas.getContext("2d").putImageData(await autoencoder.draw(one), 0, 0);
-      else canvas.className = "ptae-live-empty";
-      made.append(canvas);
-    }
-    return made;
+  // A row of canvases for features, drawn one after another; null is a place without a picture.
+  const strip = (autoencoder, features, says) => {
+    const places = features.map(one => PtaeLive.form.element("canvas",
+      {width: 160, height: 120, class: one ? "" : "ptae-live-empty"}));
+    (async () => {
+      for (const [k, one] of features.entries())
+        if (one) places[k].getContext("2d").putImageData(await autoencoder.draw(one), 0, 0);
+    })();
+    return PtaeLive.form.element("div", {class: "ptae-live-strip", role: "img", "aria-label": says}, ...places);
   };
   PtaeLive.figures = {attention, motions, strip};
 }

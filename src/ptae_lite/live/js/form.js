@@ -10,6 +10,13 @@
     return made;
   };
 
+  // A control with its name in front.
+  let count = 0;
+  const labelled = (name, control, ...behind) => {
+    control.id = `ptae-live-${++count}`;
+    return element("span", {}, element("label", {for: control.id}, name), " ", control, ...behind);
+  };
+
   // options: {value: text}, or {group: {value: text}}.
   const choice = (name, options, changed) => {
     const control = element("select", {autocomplete: "off"});
@@ -21,7 +28,7 @@
         control.append(group);
       }
     control.onchange = changed;
-    return {row: element("label", {}, `${name} `, control), control};
+    return {row: labelled(name, control), control};
   };
 
   // Three choices that make a sentence.
@@ -70,5 +77,5 @@
       }
     };
   };
-  PtaeLive.form = {element, choice, sentence, clips, latest};
+  PtaeLive.form = {element, labelled, choice, sentence, clips, latest};
 }

@@ -24,10 +24,10 @@ PtaeLive.Language = class {
   encode(text) {
     return [0, ...this.parse(text).map(word => this.token(word)), 0];
   }
-  // The words up to the first end tag.
+  // The words up to the first end tag; one in the first place counts as the opening tag.
   decode(indices) {
-    const end = indices.indexOf(0);
-    return indices.slice(0, end < 0 ? indices.length : end).map(i => this.tokens[i]).join(" ");
+    const words = indices[0] === 0 ? indices.slice(1) : indices, end = words.indexOf(0);
+    return words.slice(0, end < 0 ? words.length : end).map(i => this.tokens[i]).join(" ");
   }
   // What a sentence says, as first words; nothing if it is none.
   meaning(text) {

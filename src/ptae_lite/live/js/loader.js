@@ -19,6 +19,7 @@ window.PtaeLive = {
 PtaeLive.script = name => PtaeLive.script[name] ??= new Promise((done, failed) => {
   const tag = document.createElement("script");
   tag.src = `${PtaeLive.base}${name}.js`;
+  tag.async = false; // they run in the order in which they are asked for
   tag.onload = done;
   tag.onerror = () => failed(new Error(`${name}.js is missing beside this page`));
   document.head.append(tag);

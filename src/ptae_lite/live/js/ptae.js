@@ -1,9 +1,10 @@
 // A PTAE in the page: its networks, one after another, as `PTAE.forward` runs them.
 "use strict";
 PtaeLive.PTAE = class {
-  static async open(name, show) {
-    const [pack] = await PtaeLive.load([name], show);
-    return new PtaeLive.PTAE(await PtaeLive.networks(pack), pack.about);
+  static async open(name) {
+    const [pack] = await PtaeLive.load([name]), networks = PtaeLive.networks(pack);
+    await networks.encode.open(); // starts the runtime, while other packs are unpacked
+    return new PtaeLive.PTAE(networks, pack.about);
   }
   constructor(networks, about) {
     this.networks = networks;

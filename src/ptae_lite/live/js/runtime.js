@@ -13,20 +13,24 @@
     env.wasm.wasmPaths = {mjs: URL.createObjectURL(module)};
   }
 
-  // A network of a pack: run(inputs by name) gives the outputs by name. An input is an array of
-  // numbers with its shape, [numbers, ...shape], or an output of another network.
+  // A network of a pack, made when it is first run. run(inputs by name) gives the outputs by name. An
+  // input is an array of numbers with its shape, [numbers, ...shape], or an output of another network.
   class Network {
-    constructor(session) {
-      this.session = session;
+    constructor(bytes) {
+      this.bytes = bytes;
+    }
+    open() {
+      return this.session ??= (started ??= start()).then(() =>
+        window.ort.InferenceSession.create(this.bytes, {executionProviders: ["wasm"]}));
     }
     async run(inputs) {
-      const given = {};
-      for (const name of this.session.inputNames) {
+      const session = await this.open(), given = {};
+      for (const name of session.inputNames) {
         const value = inputs[name];
         if (value === undefined) throw new Error(`the network needs ${name}`);
         given[name] = Array.isArray(value) ? tensor(...value) : value;
       }
-      return this.session.run(given);
+      return session.run(given);
     }
   }
   const KINDS = {Float32Array: "float32", BigInt64Array: "int64", Uint8Array: "bool"};
@@ -34,12 +38,6 @@
     new window.ort.Tensor(KINDS[numbers.constructor.name], numbers, shape);
 
   // The networks of an unpacked pack, by name.
-  PtaeLive.networks = async ({parts}) => {
-    await (started ??= start());
-    const found = {};
-    for (const [name, bytes] of Object.entries(parts))
-      found[name] = new Network(
-        await window.ort.InferenceSession.create(bytes, {executionProviders: ["wasm"]}));
-    return found;
-  };
+  PtaeLive.networks = ({parts}) =>
+    Object.fromEntries(Object.entries(parts).map(([name, bytes]) => [name, new Network(bytes)]));
 }

@@ -39,10 +39,10 @@
   const same = names => Object.fromEntries(Object.keys(names).map(name => [name, name]));
 
   PtaeLive.parts.transformer = async (room, show) => {
-    await PtaeLive.load(PtaeLive.needs.transformer, show);
-    const [pack] = await PtaeLive.load(["book"]);
+    const [[, pack], model] = await Promise.all(
+      [PtaeLive.load(PtaeLive.needs.transformer, show), PtaeLive.PTAE.open("ptae")]);
     const language = new PtaeLive.Language(pack.about), all = PtaeLive.clips(pack);
-    const model = await PtaeLive.PTAE.open("ptae"), autoencoder = await PtaeLive.Autoencoder.open();
+    const autoencoder = await PtaeLive.Autoencoder.open();
 
     const signal = choice("task", same(Object.fromEntries(Object.keys(language.wiring)
       .filter(name => name !== "repeat both").map(name => [name, 1]))), () => ask());
@@ -73,7 +73,7 @@
       const {told, joints, attention} = await model.answer(batch, {words: talks, motion: !talks});
       const tokens = [name, ...(reads ? ["begin", ...words.text.split(" ")] : []), "end"];
       const shots = range(PICTURES).map(k => keys[Math.floor((k + 0.5) * keys.length / PICTURES)]);
-      const strip = await PtaeLive.figures.strip(autoencoder,
+      const strip = PtaeLive.figures.strip(autoencoder,
         shots.map(t => t < 0 ? null : own.features.subarray(30 * t, 30 * t + 30)),
         `${PICTURES} pictures, drawn from the features of the keys`);
       const look = PtaeLive.figures.attention(attention, tokens, keys.map(t => t >= 0));

@@ -2,7 +2,7 @@
 // what the decoder makes of them.
 "use strict";
 {
-  const {element, choice, clips, latest} = PtaeLive.form;
+  const {element, labelled, choice, clips, latest} = PtaeLive.form;
   const WIDE = 160, HIGH = 120, SHOWN = ["red", "green", "blue"];
 
   PtaeLive.parts.vision = async (room, show) => {
@@ -56,7 +56,7 @@
     clean.onclick = () => { paintScene(false); ask(); };
     room.append(
       element("div", {class: "ptae-live-controls"}, scenes.row, ...cubes.map(one => one.row),
-        element("label", {}, "paint ", colour), clean, number.row, element("label", {}, "by ", by, " ", told)),
+        labelled("paint", colour), clean, number.row, labelled("by", by, " ", told)),
       said, element("div", {class: "ptae-live-pair"}, canvas, drawn), bars);
     scenes.clip = all.find(one => one.split === "test") ?? all[0];
     paintScene();
