@@ -131,7 +131,7 @@ def shows_picture(output) -> bool:
         return True
     return bool(re.search(r"<(?:svg|img|iframe)\b", data.get("text/html", ""))) or text_of(
         output
-    ).startswith(("Panel(", "TrainButton("))
+    ).startswith(("Panel(", "TrainButton(", "LivePart("))
 
 
 def is_guess(output) -> bool:
