@@ -197,5 +197,7 @@ def test_the_view_has_a_place_for_every_link_that_moves():
     view = world.view()
     names = {path.rsplit("/", 1)[1] for path in view["scene"]["moving"]}
     assert names == {link["name"] for link in scene.links()} | {"left", "right"}
-    assert all(f"@{name}@" in view["page"] for name in ("SCENE", "MOVES", "CAPTION", "TITLE"))
+    assert all(
+        f"@{name}@" in view["page"] for name in ("BASE", "SCENE", "MOVES", "CAPTION", "TITLE")
+    )
     assert "@VIEWER@" not in view["page"] and "@PLAYER@" not in view["page"]

@@ -5,6 +5,8 @@ All of it comes from `robot` and from the views of the book; no number is writte
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from ptae_lite.data.samples import Samples
@@ -12,9 +14,10 @@ from ptae_lite.language import SIDES
 from ptae_lite.live import camera, packing, scene, scripts
 from ptae_lite.robot.inverse import home_rad
 from ptae_lite.robot.scene import NOMINAL_PLACES_M
-from ptae_lite.widgets import episodes, scene3d
+from ptae_lite.widgets import episodes, scene3d, viewer
 
 ENGINE = "@mujoco/mujoco"
+PLAYER = f'<script src="@BASE@../{Path(viewer.SHARED_SCRIPT).name}"></script>'
 LOOK = ("red", "blue")  # colours in the template; a page puts others in their place
 
 
@@ -53,7 +56,7 @@ def view() -> dict:
     cubes[1, :, 2] += 0.1  # all that can move has to move once
     made = scene3d.arm_scene(joints_rad, cubes, LOOK, still_png=b"\x89PNG")
     return {
-        "page": made.template(shared=True),
+        "page": viewer.template("", PLAYER),
         "scene": made.described(),
         "cubes": {side: f"/scene/cubes/{side}" for side in SIDES},
     }

@@ -85,7 +85,9 @@ class Viewer:
             "CAPTION": html.escape(self.caption),
             "TITLE": html.escape(self.title),
         }
-        page = self.template(shared=shared)
+        library = "" if shared else _pack(_library())
+        player = _SHARED_PLAYER if shared else f"<script>\n{_read('viewer.js')}</script>"
+        page = template(library, player)
         for name, text in parts.items():
             page = page.replace(f"@{name}@", text)
         return page
@@ -103,13 +105,6 @@ class Viewer:
             "eye": self.eye and _film(self.eye),
             "autoplay": self.autoplay,
         }
-
-    @staticmethod
-    def template(*, shared: bool) -> str:
-        """The page with its scripts; @SCENE@, @MOVES@, @CAPTION@ and @TITLE@ are still to fill."""
-        page = _read("viewer.html").replace("@VIEWER@", "" if shared else _pack(_library()))
-        player = _SHARED_PLAYER if shared else f"<script>\n{_read('viewer.js')}</script>"
-        return page.replace("@PLAYER@", player)
 
     def save(self, path: str | Path) -> Path:
         """Write the complete page to a file, and return its path."""
@@ -148,6 +143,16 @@ class Viewer:
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, {len(self.poses)} frames, {self.frames_per_s:g} per second)"
+
+
+def template(library: str, player: str) -> str:
+    """The page with its scripts; @SCENE@, @MOVES@, @CAPTION@ and @TITLE@ are still to fill.
+
+    Args:
+        library: meshcat's viewer, packed, where the player does not bring it.
+        player: the element with the script that plays the scene.
+    """
+    return _read("viewer.html").replace("@VIEWER@", library).replace("@PLAYER@", player)
 
 
 def _steps(poses: Float[np.ndarray, "T M 4 4"]) -> np.ndarray:

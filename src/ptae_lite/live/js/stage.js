@@ -49,7 +49,7 @@
       return painted;
     });
     const text = JSON.stringify({...scene, commands, last, autoplay: true});
-    const filled = {SCENE: await pack(new TextEncoder().encode(text)), MOVES: await pack(steps(about, episode)),
+    const filled = {BASE: escaped(PtaeLive.base), SCENE: await pack(new TextEncoder().encode(text)), MOVES: await pack(steps(about, episode)),
       CAPTION: escaped(caption), TITLE: escaped(title)};
     return PtaeLive.form.element("iframe", {title, "aria-label": title, class: "ptae-live-view",
       srcdoc: Object.entries(filled).reduce((html, [name, value]) => html.replaceAll(`@${name}@`, () => value), page)});
