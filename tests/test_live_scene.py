@@ -15,7 +15,7 @@ from ptae_lite.data import frames
 from ptae_lite.data.samples import load_samples
 from ptae_lite.experiments import episodes as stored
 from ptae_lite.experiments.tasks import tasks_of
-from ptae_lite.language import parse, pattern
+from ptae_lite.language import COLOURS, parse, pattern
 from ptae_lite.live import camera, scene, scripts, world
 from ptae_lite.live.files import JS
 from ptae_lite.robot import scene as scene_of_robot
@@ -158,6 +158,19 @@ def test_a_fault_in_the_eye_is_seen(name, value):
         wrong["camera"][name] = value
     off = np.abs(pixels(in_node(wrong, seen=asked)).astype(int) - images).max(3) > 1
     assert np.median(off.sum((1, 2))) > 50
+
+
+def test_cubes_anywhere_are_seen_as_in_the_simulator(simulator):
+    rng, asked, images = np.random.default_rng(7), [], []
+    for _ in range(PICTURES):
+        right = rng.uniform([0.33, -0.10], [0.45, 0.04])
+        places = np.stack([right + [rng.uniform(-0.05, 0.05), 0.12], right])
+        colours = rng.choice(COLOURS, 2, replace=False).tolist()
+        with scene_of_robot.Scene(colours, places, rng.uniform(-0.7, 0.7, 2)) as made:
+            images.append(made.image())
+            asked.append({"joints_rad": made.joints_rad().tolist(),
+                          "cubes": made.cubes().tolist(), "colours": colours})  # fmt: skip
+    np.testing.assert_allclose(pixels(in_node(about(), seen=asked)), images, atol=1)
 
 
 def test_the_matrices_are_the_simulators(simulator):
