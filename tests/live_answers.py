@@ -133,8 +133,8 @@ CHANGES = {one.__name__: one for one in (*FAULTS, single_precision)}
 
 def change(folder, name: str) -> None:
     """Write the networks of a change as a pack of its name."""
-    half = name != "single_precision"
-    parts = {key: export.graph(part, half) for key, part in CHANGES[name]().items()}
+    short = name != "single_precision"
+    parts = {key: export.graph(part, short) for key, part in CHANGES[name]().items()}
     told = packing.write(folder, name, parts)
     Path(folder, f"{name}.json").write_text(json.dumps(told))
 

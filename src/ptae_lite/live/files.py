@@ -30,10 +30,10 @@ APACHE = "safetensors"  # a Python package that carries the text of its licence,
 LICENCES = ("onnxruntime-web", "@mujoco/mujoco")
 
 
-def model(folder, name: str, path, half: bool = True) -> dict:
+def model(folder, name: str, path, short: bool = True) -> dict:
     """Write a PTAE; returns what `packing.write` does."""
     trained = checkpoint.load(path)
-    parts = {key: export.graph(part, half)
+    parts = {key: export.graph(part, short)
              for key, part in networks.parts_of(trained.model).items()}  # fmt: skip
     scaling = {key: value.tolist() for key, value in vars(trained.scaling).items()}
     config = trained.model.config
@@ -42,10 +42,10 @@ def model(folder, name: str, path, half: bool = True) -> dict:
     return packing.write(folder, name, parts, about)
 
 
-def autoencoder(folder, path, half: bool = True) -> dict:
+def autoencoder(folder, path, short: bool = True) -> dict:
     """Write the image encoder with its decoder."""
     found = networks.parts_of_autoencoder(vision.load_autoencoder(path))
-    parts = {key: export.graph(part, half) for key, part in found.items()}
+    parts = {key: export.graph(part, short) for key, part in found.items()}
     return packing.write(folder, "autoencoder", parts)
 
 
