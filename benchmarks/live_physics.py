@@ -67,7 +67,7 @@ def in_node(folder, asked: list[dict]) -> list[dict]:
     return json.loads(done.stdout)
 
 
-def beside(asked: list[dict], made: list[dict]) -> pd.DataFrame:
+def compared(asked: list[dict], made: list[dict]) -> pd.DataFrame:
     """Both verdicts, a row each."""
     rows = [
         {key: task[key] for key in ("condition", "sentence", "side", "speed")}
@@ -107,7 +107,7 @@ def main(arguments=None) -> int:
     samples = load_samples("recording")
     wanted = [REPLAY] if given.replay else given.conditions
     asked = [task for condition in wanted for task in tasks(samples, condition)]
-    table = beside(asked, in_node(given.folder, asked))
+    table = compared(asked, in_node(given.folder, asked))
     if given.out:
         table.to_csv(given.out, index=False)
     print(summary(table).round(2).to_string())

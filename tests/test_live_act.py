@@ -90,7 +90,7 @@ def test_verdicts_are_pybullets(page, live_physics):
       await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
       return actAgain(asked);
     }""", json.loads(json.dumps(asked)))  # fmt: skip
-    table = live_physics.beside(asked, made)
+    table = live_physics.compared(asked, made)
     print(live_physics.summary(table).round(2).to_string())
     assert (table["success"] == table["success_stored"]).mean() >= 0.98
     assert (table["named_mm"] - table["named_mm_stored"]).abs().median() < 1

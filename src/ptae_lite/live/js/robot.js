@@ -37,13 +37,16 @@ PtaeLive.Robot = class {
     return PtaeLive.perform(this.world, setting, PtaeLive.policy(policy, language, tokens, look));
   }
 
-  // The clip that an episode is for a model that describes: what the eye saw in each frame.
+  // The clip that an episode is for a model that describes: what the eye saw in each frame. The last
+  // frame is held for as long as a recorded clip takes: this model reads the speed from the padding.
   async clip(episode, colours, autoencoder) {
-    const frames = Math.min(episode.joints_rad.length, PtaeLive.FRAMES);
+    const seen = Math.min(episode.joints_rad.length, PtaeLive.FRAMES), last = seen - 1;
+    const frames = seen >= this.about.rule.slow_from ? PtaeLive.FRAMES : Math.max(seen, PtaeLive.FRAMES / 2);
     const features = new Float32Array(30 * frames), joints = new Float32Array(5 * frames);
     for (let t = 0; t < frames; t++) {
-      features.set(await autoencoder.encode(this.look(episode.joints_rad[t], episode.cubes[t], colours)), 30 * t);
-      joints.set(episode.joints_rad[t], 5 * t);
+      if (t < seen) features.set(await autoencoder.encode(this.look(episode.joints_rad[t], episode.cubes[t], colours)), 30 * t);
+      else features.copyWithin(30 * t, 30 * last, 30 * seen);
+      joints.set(episode.joints_rad[Math.min(t, last)], 5 * t);
     }
     return {frames, features, joints};
   }
