@@ -23,6 +23,9 @@ from ptae_lite.robot.urdf import LINK_INERTIA_KG_M2, LINK_MASS_KG
 
 MARGIN_M = 0.001  # PyBullet's, of shapes from a URDF
 ROTOR_KG_M2 = 0.1
+# Time constant in seconds and damping ratio of the arm's touch: a cube that is pinched between hand
+# and table is not thrown.
+TOUCH = (0.02, 3)
 TURNING = (0.005, 1e-4, 1e-4)  # friction against spinning and rolling: MuJoCo's defaults
 # An elliptic cone is Coulomb's law; with a stiff friction, things at rest do not creep.
 SOLVER = {"cone": "elliptic", "impratio": "10", "integrator": "Euler"}
@@ -99,7 +102,7 @@ def nico_mjcf() -> str:
             made = xml.SubElement(contact, "pair", geom1=a, geom2=b,
                                   friction=_numbers([sliding, sliding, *TURNING]))  # fmt: skip
             if a in links:
-                made.set("margin", f"{MARGIN_M:g}")
+                made.attrib |= {"margin": f"{MARGIN_M:g}", "solref": _numbers(TOUCH)}
     motors = xml.SubElement(model, "actuator")
     for joint in arm.JOINTS:
         most = scene.MOTOR_FORCE_N_M
