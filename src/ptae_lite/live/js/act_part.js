@@ -5,11 +5,13 @@
   const {element, choice, latest} = PtaeLive.form;
 
   PtaeLive.parts.act = async (room, show) => {
-    await PtaeLive.load(PtaeLive.needs.act, show);
+    const later = "ptae"; // which describes
+    let watcher;
+    await PtaeLive.load(PtaeLive.needs.act.filter(name => name !== later), show);
     const [book] = await PtaeLive.load(["book"]);
     const language = new PtaeLive.Language(book.about), clips = PtaeLive.clips(book);
-    const [robot, policy, ptae, autoencoder] = await Promise.all([PtaeLive.Robot.open(),
-      PtaeLive.PTAE.open("policy"), PtaeLive.PTAE.open("ptae"), PtaeLive.Autoencoder.open()]);
+    const [robot, policy, autoencoder] = await Promise.all([PtaeLive.Robot.open(),
+      PtaeLive.PTAE.open("policy"), PtaeLive.Autoencoder.open()]);
 
     const scenes = scenesOf(robot, clips), first = Object.keys(scenes)[0];
     const all = sentences(language), list = element("datalist", {id: `ptae-sentences-${document.querySelectorAll("datalist").length}`},
@@ -72,10 +74,14 @@
       view.replaceChildren(await PtaeLive.stage(robot.about, episode, setting.colours,
         `The arm executes: ${text.value}`, `Left cube: ${setting.colours[0]}. Right cube: ${setting.colours[1]}.`));
       room.dataset.acted = Number(room.dataset.acted ?? 0) + 1;
-      await describe(episode, setting.colours);
+      try {
+        await describe(episode, setting.colours);
+      } catch (problem) {
+        said.append(element("br"), `PTAE cannot describe it here: ${problem.message}.`);
+      }
     });
     const describe = async (episode, colours) => {
-      const clip = ptae.scaling.clip(await robot.clip(episode, colours, autoencoder));
+      const ptae = await watcher, clip = ptae.scaling.clip(await robot.clip(episode, colours, autoencoder));
       const {told} = await ptae.answer(PtaeLive.batch(language, "describe", clip, null), {motion: false});
       const words = language.decode(PtaeLive.best(told));
       said.dataset.described = words;
@@ -88,6 +94,10 @@
     };
     text.value = `push ${scenes[first][0].colours[0]} slowly`;
     reset();
+    // what comes next is made ready while the reader types; if that fails, the answer says so
+    watcher = PtaeLive.PTAE.open(later);
+    watcher.catch(() => {});
+    [...Object.values(policy.networks), autoencoder.networks.encode].forEach(one => one.open().catch(() => {}));
   };
 
   // Sliders that put the cubes anywhere on the table.
