@@ -194,7 +194,11 @@ def test_a_hull_is_closed_and_looks_outwards(size):
 
 
 def test_verdicts_are_told_as_in_a_notebook():
-    kept = stored.load() + stored.load(artefacts.stored(f"results/{stored.OF_PAPER}"))
+    kept = stored.load()
+    absent = [one._replace(instruction="pull yellow fast",
+                           verdict=one.verdict._replace(success=False))
+              for one in kept if "yellow" not in one.stage.colours]  # fmt: skip
+    kept += absent[:4] + stored.load(artefacts.stored(f"results/{stored.OF_PAPER}"))
     ended = [
         {"episode": {"joints_rad": [], "cubes": one.episode.cubes.tolist(),
                      "stopped": one.episode.stopped},

@@ -5,6 +5,7 @@ from __future__ import annotations
 from html import escape
 
 import ipywidgets
+import numpy as np
 from torch import nn
 
 from ptae_lite.errors import PTAEError, RobotError
@@ -20,7 +21,7 @@ from ptae_lite.widgets.viewer import Viewer
 WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to the right"}
 TEXTS = {  # of a verdict; also for the page that acts by itself
     "verdict": "{how}. The {colour} cube ({side}) {named}, the other one {other}; {pace}.",
-    "absent": "There is no {colour} cube here, whatever the arm did ({pace}).",
+    "absent": "There is no {colour} cube here; the left one {left}, the right {right} ({pace}).",
     "done": "Done as the sentence says",
     "not_done": "NOT done: {reason}",
     "went": "went {mm} mm {way}",
@@ -35,9 +36,15 @@ def verdict_text(kept: StoredEpisode) -> str:
     meaning, verdict = parse(kept.instruction), kept.verdict
     side = side_of(kept.stage, meaning)
     pace = TEXTS["pace"].format(frames=verdict.frames, speed=meaning.speed)
+    cubes = kept.episode.cubes
+    fell = cubes[-1, :, 2] < TABLE_TOP_M
     if side is None:
-        return TEXTS["absent"].format(colour=meaning.colour, pace=pace)
-    fell = kept.episode.cubes[-1, :, 2] < TABLE_TOP_M
+        far_mm = 1000 * np.linalg.norm(cubes[-1, :, :2] - cubes[0, :, :2], axis=1)
+        left, right = (
+            TEXTS["fell"] if off else TEXTS["moved"].format(mm=f"{far:.0f}")
+            for off, far in zip(fell, far_mm, strict=True)
+        )
+        return TEXTS["absent"].format(colour=meaning.colour, left=left, right=right, pace=pace)
     named = SIDES.index(side)
     went = TEXTS["went"].format(mm=f"{verdict.named_mm:.0f}", way=WAY[meaning.action])
     moved = TEXTS["moved"].format(mm=f"{verdict.other_mm:.0f}")

@@ -56,14 +56,18 @@ PtaeLive.Robot = class {
     const {texts, sides, table_top_m} = this.about, named = colours.indexOf(colour);
     const fill = (name, values) => texts[name].replace(/{(\w+)}/g, (_, key) => values[key]);
     const pace = fill("pace", {frames: episode.cubes.length, speed});
-    if (named < 0) return {success: false, text: fill("absent", {colour, pace})};
+    const [first, last] = [episode.cubes[0], episode.cubes.at(-1)], mm = value => value.toFixed(0);
+    const fell = k => last[k][2] < table_top_m;
+    const moved = (k, far_mm) => fell(k) ? texts.fell : fill("moved", {mm: mm(far_mm)});
+    if (named < 0) {
+      const [left, right] = [0, 1].map(k => moved(k, 1000 * Math.hypot(last[k][0] - first[k][0], last[k][1] - first[k][1])));
+      return {success: false, text: fill("absent", {colour, left, right, pace})};
+    }
     const verdict = PtaeLive.judge(this.about, episode, {action, side: sides[named], speed});
-    const fell = k => episode.cubes.at(-1)[k][2] < table_top_m;
-    const mm = value => value.toFixed(0);
     const text = fill("verdict", {
       how: verdict.success ? texts.done : fill("not_done", verdict), colour, side: sides[named], pace,
       named: fell(named) ? texts.fell : fill("went", {mm: mm(verdict.named_mm), way: texts.way[action]}),
-      other: fell(1 - named) ? texts.fell : fill("moved", {mm: mm(verdict.other_mm)}),
+      other: moved(1 - named, verdict.other_mm),
     });
     return {...verdict, text};
   }
