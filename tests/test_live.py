@@ -289,7 +289,13 @@ def check_served(browser, folder, name: str, part: str) -> None:
     """A part works behind the server; nothing else is asked, nothing is refused."""
     context = browser.new_context(reduced_motion="reduce")
     page, wrong = context.new_page(), []
-    page.on("console", lambda one: wrong.append(one.text) if one.type == "error" else None)
+
+    def told(one):
+        icon = one.location["url"].endswith("/favicon.ico")  # browsers ask for one by themselves
+        if one.type == "error" and not icon:
+            wrong.append(f"{one.text} {one.location['url']}")
+
+    page.on("console", told)
     page.on("pageerror", lambda error: wrong.append(str(error)))
     with server(folder) as address:
         page.on("request", lambda one: None if one.url.startswith((address, "blob:", "data:"))
