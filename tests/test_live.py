@@ -225,6 +225,17 @@ def test_controls_have_names_and_the_keyboard_is_enough(page):
     assert page.evaluate("document.activeElement.tagName") == "SELECT"
 
 
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_a_button_can_be_read(browser, theme):
+    with opened(browser) as page:
+        page.emulate_media(color_scheme=theme)
+        page.goto((SITE / "05_incongruence.html").as_uri())
+        button = page.locator("[data-ptae-live=conflict] button").first
+        parts = button.evaluate("""one => ["color", "backgroundColor"].map(name =>
+          getComputedStyle(one)[name].match(/\\d+/g).slice(0, 3).map(Number))""")
+        assert np.abs(np.subtract(*parts)).min() > 100
+
+
 def test_without_webassembly_stored_answers_stay_and_a_line_says_why(browser, folder):
     with opened(browser) as page:
         page.add_init_script("delete window.WebAssembly")

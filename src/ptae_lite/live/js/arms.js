@@ -77,6 +77,6 @@
     };
     show(Math.round(last / 2));
     const row = element("p", {}, play, " ", labelled("frame", slider, " "), shown, ` – dashed: ${names[0]}; solid: ${names[1]}`);
-    return element("div", {}, element("div", {class: "ptae-live-scroll"}, svg), row);
+    return element("div", {}, svg, row);
   };
 }
