@@ -198,6 +198,7 @@ def test_a_conflict_is_followed_or_not(page):
 
 def test_paint_and_colours_reach_the_decoder(page):
     place = press(page, "vision")
+    assert place.locator("input[type=range]").is_disabled()  # no number is moved at first
     pictures = place.locator("canvas")
     before = [pixels(one) for one in pictures.all()]
     choose(place, "right cube", "yellow")

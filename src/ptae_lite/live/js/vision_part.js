@@ -21,7 +21,7 @@
     const colour = element("input", {type: "color", value: "#f2191a"});
     const clean = element("button", {type: "button"}, "Take the paint away");
     const numbers = Object.fromEntries([["none", "none"], ...SHOWN.flatMap((name, c) =>
-      Array.from({length: 10}, (_, i) => [`${10 * c + i}`, `${name} ${i + 1}`]))]);
+      Array.from({length: 10}, (_, i) => [`number ${10 * c + i}`, `${name} ${i + 1}`]))]);
     const number = choice("number to move", numbers, () => { by.value = 0; ask(); });
     const by = element("input", {type: "range", min: -3, max: 3, step: 0.25, value: 0, autocomplete: "off"}), told = element("output");
     by.oninput = () => ask();
@@ -37,7 +37,7 @@
     }
     const ask = latest(async () => {
       const image = pen.getImageData(0, 0, WIDE, HIGH), code = Float32Array.from(await autoencoder.encode(image));
-      const moves = number.control.value !== "none", which = Number(number.control.value);
+      const moves = number.control.value !== "none", which = moves ? Number(number.control.value.slice(7)) : -1;
       by.disabled = !moves;
       const shift = moves ? Number(by.value) : 0;
       told.value = `${shift} spreads`;
@@ -45,7 +45,7 @@
       if (moves) code[which] += shift * spread.size[which];
       const back = await autoencoder.draw(code);
       drawn.getContext("2d").putImageData(back, 0, 0);
-      bars.replaceChildren(chart(code, spread, moves ? which : -1));
+      bars.replaceChildren(chart(code, spread, which));
       let sum = 0;
       for (let i = 0; i < image.data.length; i++) if (i % 4 < 3) sum += Math.abs(image.data[i] - back.data[i]);
       said.textContent = `Left: 57,600 numbers. Right: what thirty keep; a value is ${(sum / (3 * WIDE * HIGH) / 2.55).toFixed(1)} % off in the mean.`;
