@@ -108,7 +108,6 @@ def test_pybullet_is_never_a_problem(root, version):
     assert found.state == GOOD and not found.mend
 
 
-@pytest.mark.parametrize("system", doctor.NO_TORCH)
 def test_scripts_of_others_that_are_missing_are_a_warning_with_a_command():
     found = doctor.check_scripts(["onnxruntime-web"])
     assert found.state == WARNING and "onnxruntime-web is not installed" in found.says
@@ -116,6 +115,7 @@ def test_scripts_of_others_that_are_missing_are_a_warning_with_a_command():
     assert doctor.check_scripts([]).state == GOOD
 
 
+@pytest.mark.parametrize("system", doctor.NO_TORCH)
 def test_where_pytorch_has_no_wheel_that_is_the_problem(root, system, monkeypatch):
     monkeypatch.setattr(doctor.sys, "platform", system[0])
     monkeypatch.setattr(doctor.platform, "machine", lambda: system[1])
