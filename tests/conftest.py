@@ -154,6 +154,19 @@ def trained(few, tiny):
     return train(few, Recipe(epochs=1, batch=8), config=tiny)
 
 
+@pytest.fixture(scope="module")
+def asked():
+    """The model that the pages ask, the recording, its source for the model, the test samples."""
+    from ptae_lite import artefacts
+    from ptae_lite.data.samples import load_samples
+    from ptae_lite.data.signals import Source
+    from ptae_lite.models import checkpoint
+
+    samples = load_samples("recording")
+    ptae = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
+    return ptae, samples, Source(ptae.dataset(samples)), samples.split("test")
+
+
 @pytest.fixture
 def make_batch(source):
     """A function that wires sample numbers to one signal."""

@@ -30,6 +30,21 @@ def test_the_figures_of_a_rewritten_chapter_are_numbered_in_their_order(name):
         assert numbers == [f"{whole}{i}" for i in range(1, len(numbers) + 1)]
 
 
+SHEETS = sorted((style.BOOK / "exercises").glob("[0-9]*.md"))
+ANSWERS = re.split(r"^## (?=\d\d, )", (style.BOOK / "exercises" / "chapter_answers.md").read_text(
+    "utf-8"), flags=re.MULTILINE)[1:]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [(sheet.stem, sheet.read_text("utf-8")) for sheet in SHEETS] + [(a[:2], a) for a in ANSWERS],
+    ids=[sheet.stem for sheet in SHEETS] + [answer[:5] for answer in ANSWERS],
+)
+def test_exercises_and_their_answers_hold_no_typed_result(name, text):
+    results = style.results_of(new_notebook(), name)
+    assert style.typed(re.sub(r"```.*?```", "", text, flags=re.DOTALL), results) == []
+
+
 def cell(source, *outputs, folded=False):
     tags = {"tags": ["hide-input"]} if folded else {}
     return new_code_cell(source, outputs=list(outputs), metadata=tags)

@@ -18,7 +18,7 @@ from test_notebooks import cells_are_short, no_addresses, no_machine_paths, no_n
 from wrong_answers import ODD, WRONG
 
 from ptae_lite import artefacts, baselines, evaluation, language
-from ptae_lite.book import course, exercise_check, exercises, outcomes
+from ptae_lite.book import course, exercise_check, exercises, numbers, outcomes
 from ptae_lite.book.chapters import chapter_files
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
@@ -60,7 +60,7 @@ class Played:
     def __init__(self, name, seed):
         sheet = SHEETS[NAMES.index(name)]
         self.exercises = {one.number: one for one in sheet.exercises}
-        self.before, self.panels, names = {}, {}, {}
+        self.before, self.panels, self.numbers, names = {}, {}, [], {}
         for cell in sheet.opening:
             self.cell(cell, names, seed)
         for one in sheet.exercises:
@@ -72,12 +72,21 @@ class Played:
                     made = self.cell(cell, names, seed)
                     if isinstance(made, Panel):
                         self.panels[one.number] = made
+                    if cell.cell_type == "markdown" and seed == 0:
+                        self.numbers += self.said(cell.source, names)
         self.names = names
 
     @staticmethod
     def cell(cell, names, seed):
         if cell.cell_type == "code":
             return run(cell.source.replace(exercises.SEED, f"SEED = {seed}"), names)
+
+    @staticmethod
+    def said(text, names):
+        """The numbers of a text, each with what its comment makes of these names."""
+        shown = [found["shown"] for found in numbers.NUMBER.finditer(text)]
+        made = [eval(f"f'''{how}'''", names) for how in numbers.ways(text)]
+        return list(zip(shown, map(numbers.unbroken, made), strict=True))
 
     def says(self, number, source):
         """What the check of an exercise says of a cell in the answer's place."""
@@ -208,31 +217,36 @@ def test_the_notebooks_pass_the_linter(tmp_path):
 # ---------------------------------------------------------------- what the answers state
 
 
-# Where an answer in words names a number, here it is computed.
+# Numbers come from the cells (see `numbers`); here is what the words say of them.
+
+
+@pytest.mark.parametrize("play", [(name, 0) for name in NAMES], ids=NAMES, indirect=True)
+def test_the_numbers_of_the_answers_are_what_the_cells_say(play):
+    for shown, value in play.numbers:
+        assert shown == value
 
 
 @sheet("01_simulation")
-def test_the_cubes_top_is_missed_by_so_many_millimetres(play):
+def test_the_cubes_top_is_missed_by_more_than_its_edge(play):
     first = play.names
     cube, edge = first["cubes"][0, :3], first["scene"].CUBE_EDGE_M
     top = cube + [0, 0, edge / 2]
     miss = first["on_plane"](*first["pixel"](top), first["scene"].TABLE_TOP_M) - top
-    assert round(1000 * np.hypot(*miss[:2])) == 67 and np.hypot(*miss[:2]) > edge
+    assert np.hypot(*miss[:2]) > edge
 
 
 @sheet("02_vision")
-def test_the_numbers_of_the_encoders_answers_are_those_of_the_features(play):
+def test_the_answers_on_features_are_true(play):
     encoder = play.names
-    data = encoder["samples"]
-    error = encoder["joint_errors"](
-        data.features.astype(float), data.joints.astype(float), data.frames,
-        encoder["train"], encoder["test"])  # fmt: skip
-    assert error.argmax() == 3 and round(error[3], 1) == 9.6
-    for dropped, left, read in ((12, 5, 96), (20, 0.3, 83)):
-        variance = encoder["variances"][dropped:].sum() / encoder["variances"].sum()
-        rest = (data.features[:, 0] - encoder["centre"]) @ encoder["axes"][:, dropped:]
-        right = encoder["probes"].percent_right(data, rest, encoder["probes"].colours(data)["left"])
-        assert round(100 * variance, 1 if left < 1 else None) == left and round(right) == read
+    data, train, test = (encoder[name] for name in ("samples", "train", "test"))
+    error = encoder["joint_errors"](*encoder["data"], data.frames, train, test)
+    inside = np.arange(100) < data.frames[:, None]
+    joints = data.joints.astype(float)
+    off = joints[test][inside[test]] - joints[train][inside[train]].mean(0)
+    mean = np.degrees(np.sqrt((off**2).mean(0)))
+    assert error.argmax() == 3 and (error / mean).argmax() == mean.argmin() == 1
+    assert set((error / mean).argsort()[:2]) == {0, 4} and (error < mean).all()
+    assert encoder["variance_left"](20) < 1 and encoder["colour_read"](20) > 50
 
 
 @sheet("03_crossmodal_transformer")
@@ -241,13 +255,15 @@ def test_the_panel_says_the_words_of_the_transformers_answers(play):
     words = {n: panel.frame(zeros=n).axes[0].get_title().split()[-1] for n in (0, 1, 50)}
     assert words[0] in ("slowly", "unhurriedly")
     assert {words[1], words[50]} <= {"fast", "quickly"}
+    for zeros in (1, 50):  # the bars of the end token, one for each head
+        assert max(bar.get_height() for bar in panel.frame(zeros=zeros).axes[0].patches[4:]) > 90
 
 
 @sheet("04_limited_supervision")
 def test_the_numbers_of_the_answers_on_few_labels_are_those_of_the_table(play):
     few = play.names
     assert few["coverage"](5).axes[0].get_title() == "5 % labelled: 33 samples"
-    for share, samples, all_six in ((1, 7, 4), (4, 26, 93), (100 * 28 / 648, 28, 95)):
+    for share, samples, all_six in ((1, 7, 4), (100 * 28 / 648, 28, 95)):
         axes = few["coverage"](share).axes[0]
         bars = dict(zip([t.get_text() for t in axes.get_yticklabels()], axes.patches, strict=True))
         assert axes.get_title().endswith(f": {samples} samples")
@@ -256,25 +272,18 @@ def test_the_numbers_of_the_answers_on_few_labels_are_those_of_the_table(play):
     table = pd.read_csv(artefacts.stored("results/supervision.csv")).query("share == 2")
     described = table.query("model == 'ptae' and variant == 'balanced'")["describe_accuracy"]
     draws = table.query("model == 'linear' and variant == 'random'")["describe_accuracy"]
-    assert described[:2].round().tolist() == [25, 9] and round(draws.max() / draws.min()) == 3
+    assert described.max() > 2 * described.min() > 0 and draws.max() > 2 * draws.min()
     samples = table.query("model == 'ptae' and mode == 'samples' and seed < 2")
     paper, balanced = (samples[samples["variant"] == v] for v in ("paper", "balanced"))
-    assert paper["describe_accuracy"].round().tolist() == [30, 19]
-    often = [v["supervised_samples_seen"].mean() for v in (paper, balanced)]
-    assert round(often[1] / often[0]) == 25
+    right, often = ([v[column].to_numpy() for v in (paper, balanced)]
+                    for column in ("describe_accuracy", "supervised_samples_seen"))  # fmt: skip
+    assert (right[0] > right[1]).all() and (often[1] > 10 * often[0]).all()
 
 
 @sheet("05_incongruence")
-def test_the_numbers_of_the_answers_on_conflicts_are_those_of_the_model(play):
+def test_the_answers_on_conflicts_are_true_of_the_model(play):
     names = play.names
-    colour = [names["language"].parse(text).colour for text in names["said"]]
-    wrong = sum(
-        a != names["language"].parse(b).colour for a, b in zip(colour, names["shown"], strict=True)
-    )
-    assert (
-        wrong == 41
-        and round(names["followed"](names["said"], names["given"], names["shown"])) == 61
-    )
+    assert 20 < names["followed"](names["said"], names["given"], names["shown"]) < 100
 
     def differ(aspect, said, other):
         parsed = [
@@ -286,30 +295,21 @@ def test_the_numbers_of_the_answers_on_conflicts_are_those_of_the_model(play):
     false = [names["false_sentence"](text, ("action",), rng) for text in shown]
     said = names["describe"](names["test"], false)
     wrong, unbelieved = differ("action", said, shown), differ("action", said, false)
-    assert sum(wrong) == 66 and not any(w and u for w, u in zip(wrong, unbelieved, strict=True))
+    assert sum(w and u for w, u in zip(wrong, unbelieved, strict=True)) < 0.1 * sum(wrong)
+    assert sum(wrong) > sum(differ("colour", names["said"], shown)) > 0
     false = [names["false_sentence"](text, ("speed",), rng) for text in shown]
     assert not any(differ("speed", names["describe"](names["test"], false), shown))
-    for words, same in ((shown, 205), (None, 19)):
-        said = names["describe"](names["test"], words)
-        assert sum(a == b for a, b in zip(said, shown, strict=True)) == same
 
 
 @sheet("06_closed_loop")
-def test_the_numbers_of_the_loops_answers_are_those_of_its_table(play):
+def test_the_answers_on_the_loop_are_true_of_its_table(play):
     loop = play.names
-    counts = loop["counts"].groupby(loop["own"]["model"]).sum()
+    counts = loop["passed"].drop(columns="episodes")
     assert (counts["all three"] == loop["own"].groupby("model")["success"].sum()).all()
-    assert counts.loc["ptae_first_frame"].tolist() == [269, 279, 269, 557]
-    assert counts.loc["ptae"].tolist() == [93, 127, 93, 202]
-    assert (
-        counts.loc["one_look_policy", "any other cube"] - counts.loc["one_look_policy", "all three"]
-        == 2
-    )
-    seeds = loop["own"].query("model == 'ptae'").groupby("seed")["success"].mean()
-    assert (100 * seeds).round().tolist() == [14, 16, 13]
-    scores = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))
-    error = scores.query("model == 'ptae'")["execute_nrmse"].round(1)
-    assert error.tolist() == [1.7, 1.8, 1.7]
+    gained = counts.drop(columns="all three").sub(counts["all three"], axis=0)
+    assert gained.stack().idxmax() == ("ptae_first_frame", "any duration")
+    assert gained.loc["ptae", "any other cube"] == 0 < gained.loc["ptae", "any direction"]
+    assert gained.loc["one_look_policy", "any other cube"] <= 5
     swapped = loop["table"].query("condition == 'swapped_speed'")
     assert ((swapped["duration"] >= 75) == (swapped["speed"] == "slowly")).all()
     assert all(one.episode.stopped == "home" for one in loop["kept"])
@@ -317,65 +317,66 @@ def test_the_numbers_of_the_loops_answers_are_those_of_its_table(play):
     new = [one for one in loop["kept"] if one.stage.colours == ("green", "yellow")]
     far = [loop["rightness"](one) for one in new]
     near = [loop["rightness"](one) for one in loop["known"]]
-    assert len(new) == 12 and round(min(far), 2) == 0.10 and round(max(far), 2) == 0.87
-    assert max(min(abs(u), abs(u - 1)) for u in near) < 0.045
-    by_text = {one.instruction: one for one in new}
-    for text, at in (("push green fast", 0.85), ("push yellow slowly", 0.37)):
-        assert round(loop["rightness"](by_text[text]), 2) == at
-        assert by_text[text].verdict.reason == "the other cube was moved"
-    assert round(by_text["slide green fast"].verdict.named_mm) == -168
-    assert [by_text[f"pull yellow {s}"].verdict.success for s in ("slowly", "fast")] == [
-        False,
-        True,
+    between = max(min(abs(u), abs(u - 1)) for u in near)
+    assert len(new) == 12 and between < 0.1 < max(min(abs(u), abs(u - 1)) for u in far)
+    middle = [one for one, at in zip(new, far, strict=True) if 0.3 < at < 0.7]
+    assert middle and not any(one.verdict.success for one in middle)
+    left = [
+        one for one, at in zip(new, far, strict=True) if at > 0.8 and " green " in one.instruction
     ]
+    assert left and {one.verdict.reason for one in left} == {"the other cube was moved"}
+    assert min(one.verdict.named_mm for one in loop["kept"]) < -40
+    done = {one.instruction: one.verdict.success for one in new}
+    assert any(done[f"{of} slowly"] != done[f"{of} fast"]
+               for of in (text.rsplit(" ", 1)[0] for text in done))  # fmt: skip
     failed = loop["table"].query("condition == 'new_family' and success == 0")["reason"]
-    assert failed.value_counts().tolist() == [31, 7]
+    assert failed.value_counts().index.tolist() == [
+        "the other cube was moved", "the cube went too little that way"]  # fmt: skip
 
 
 @sheet("07_report_card")
-def test_the_numbers_of_the_report_cards_answers_are_those_of_its_tables(play):
+def test_the_answers_on_the_report_card_are_true_of_its_tables(play):
     """They are of tables without few labels: rows are still added to those with."""
     names = play.names
     rules, card = names["rules"], names["card"]
     by_rule = rules.drop(columns=["paper", "ours"])
     assert rules.shape == (10, 7) and by_rule["the best run"].equals(by_rule["the rule"])
     moved = by_rule.index[by_rule.nunique(axis=1) > 1]
-    assert moved.tolist() == [
+    assert set(moved) == {
         f"PTAE, {of}" for of in ("describe accuracy", "execute nrmse", "repeat action nrmse")
-    ]
+    }
     assert by_rule.loc["PTAE, describe accuracy"].tolist() == [
         "held", "not held", "held", "held", "not held"]  # fmt: skip
-    for error, ours in (("PTAE, execute nrmse", 1.70), ("PTAE, repeat action nrmse", 1.66)):
-        assert rules.loc[error, "ours"] == ours
+    for error in ("PTAE, execute nrmse", "PTAE, repeat action nrmse"):
         assert by_rule.loc[error].tolist() == ["not held"] * 2 + ["held"] + ["not held"] * 2
-    assert rules.loc["execute, conflicts: 3", ["paper", "ours"]].tolist() == ["at least 4.95", 11.7]
+    assert rules.loc["execute, conflicts: 3", "paper"] == "at least 4.95"
+    assert rules.loc["execute, conflicts: 3", "ours"] > 2 * 4.95
     errors = {says for says, unit in names["units"].items() if "NRMSE" in unit}
     assert {says for says in errors if rules.loc[says, "paper"].startswith("at least")} == {
         "execute, conflicts: 3"
     }
     failed = by_rule.index[(by_rule == "not held").all(axis=1)]
-    assert len(failed) == 4 and all("conflicts" in says for says in failed)
+    assert len(failed) and all("conflicts" in says for says in failed)
+    assert not any("conflicts" in says for says in moved)
     for says in failed:
         paper, margin = names["numbers"][says][1], MARGIN[names["units"][says]]
         assert abs(rules.loc[says, "ours"] - paper.value) > 3 * margin
 
     family = names["family"]
     ours, theirs = family.loc["recording"], family.drop("recording")
-    describes = sorted(ours["describe_accuracy"].round(1))
-    assert describes == [95.4, 98.6, 99.5]
-    errors = ours["execute_nrmse"]
-    assert (round(errors.min(), 2), round(errors.max(), 2)) == (1.70, 1.78)
-    assert theirs["execute_nrmse"].round(2).tolist() == [0.86, 0.82, 0.76]
+    assert ours["describe_accuracy"].max() < 100 and np.ptp(ours["describe_accuracy"]) > MARGIN["%"]
+    errors, paper = ours["execute_nrmse"], reported.REGULAR["execute_nrmse"].value
+    assert np.ptp(errors) < MARGIN["% NRMSE"] / 2
+    assert theirs["execute_nrmse"].max() < paper < errors.min()
     table = pd.read_csv(artefacts.stored("results/family.csv"))
     longer = table.query("variant == 'PTAE, long' and data == 'recording'")
-    assert set(longer["steps"]) == {8 * 1920} and longer["seed"].nunique() == 3
-    assert round(longer["execute_nrmse"].median(), 2) == 1.16
-    assert set(ours["steps"]) == {1920} and set(family["batch"]) == {27}
-    times = reported.STEPS["ptae"] * 6 / (1920 * 27)
-    assert round(times) == 31 and 80 < times * ours["seconds"].median() / 60 < 100
+    assert set(longer["steps"]) == {8 * ours["steps"].max()} and longer["seed"].nunique() == 3
+    median = longer["execute_nrmse"].median()
+    assert median < paper + MARGIN["% NRMSE"] and median < (errors.median() + paper) / 2
+    times = reported.STEPS["ptae"] * 6 / (family["steps"] * family["batch"]).max()
+    assert times * ours["seconds"].median() > 3600
     assert card.loc["PTAE executes", "verdict"] == "not held"
     assert card.index[0] == "PTAE describes"
-    assert reported.REGULAR["execute_nrmse"].value + MARGIN["% NRMSE"] == pytest.approx(1.49)
 
 
 @pytest.mark.slow
@@ -387,8 +388,10 @@ def test_an_arm_that_is_late_is_far_off_and_does_what_it_was_told(play, simulato
     test, scaling = samples.split("test"), fit_scaling(samples, samples.split("train"))
     ago = np.maximum(np.arange(1, 100) - 10, 0)
     late = np.stack([samples.joints[i, np.minimum(ago, samples.frames[i] - 1)] for i in test])
-    assert round(evaluation.nrmse(late, samples, test, scaling)[0]) == 18
-    assert round(baselines.references(samples, scaling)["mean trajectory"][0]) == 11
+    error = evaluation.nrmse(late, samples, test, scaling)[0]
+    assert error > baselines.references(samples, scaling)["mean trajectory"][0]
+    models = pd.read_csv(artefacts.stored("results/closed_loop_models.csv"))
+    assert models.query("model == 'ptae'")["execute_nrmse"].max() < error / 4
     tried = test[::9]
     for i in tried:
         joints = samples.joints[i, : samples.frames[i]]

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from ptae_lite import artefacts
-from ptae_lite.data.samples import load_samples
-from ptae_lite.data.signals import Source
 from ptae_lite.evaluation import respond
 from ptae_lite.experiments import answer_source, incongruence, incongruence_table
 from ptae_lite.experiments.incongruence import EXTRA_INPUT, Condition
 from ptae_lite.language import parse, pattern
-from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 
 SEEDS = 3
@@ -109,16 +106,9 @@ def test_speed_is_not_heard_but_seen(regular, costs):
         says(speed.min() > other.max(), "Execute suffers most from a false speed (in depth)")
 
 
-@pytest.fixture(scope="module")
-def asked():
-    samples = load_samples("recording")
-    ptae = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
-    return samples, ptae, Source(ptae.dataset(samples)), samples.split("test")
-
-
 def speeds(asked, blank):
     """Share of slow test clips whose repeated sentence is fast, with the last frames blank."""
-    samples, ptae, source, test = asked
+    ptae, samples, source, test = asked
 
     def change(batch):
         keys = batch.keys.clone()
@@ -142,7 +132,7 @@ def test_the_second_exercise_has_an_answer(asked):
 
 def test_the_first_exercise_has_an_answer(asked):
     """A false colour is believed more readily where the other cube has it."""
-    samples, ptae, source, test = asked
+    ptae, samples, source, test = asked
     condition = Condition("describe", "language", ("colour",))
     false = incongruence.extra_inputs(samples, test, condition)
     answer = incongruence.respond_under(ptae, source, test, condition)
@@ -294,7 +284,7 @@ def test_in_motion_the_false_action_turns_round_as_well(table):
 
 
 def test_a_conflict_hardly_moves_the_attention_and_the_format_does(asked):
-    samples, ptae, source, test = asked
+    ptae, samples, source, test = asked
     slow = test[samples.frames[test] == 100]
 
     def look(condition, tokens=6):

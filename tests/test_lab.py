@@ -180,6 +180,8 @@ def move_everything(page, cell):
         control, before = controls.nth(i), shown.first.inner_html()
         if control.evaluate("one => one.tagName") == "SELECT":
             values = control.locator("option").all_text_contents()
+            if len(values) == 1:
+                continue  # what is shown now leaves no choice here
             now = control.evaluate("one => one.selectedOptions[0].textContent")
             control.select_option(label=next(value for value in values if value != now))
         else:

@@ -15,6 +15,7 @@ from jupyter_server.services.contents.largefilemanager import AsyncLargeFileMana
 from jupytext.async_contentsmanager import build_async_jupytext_contents_manager_class
 from nbconvert.exporters import ScriptExporter
 from nbformat.v4 import new_code_cell, new_markdown_cell, new_notebook, new_output
+from test_marks import HEADER
 
 from ptae_lite.book import chapters, notebooks
 from ptae_lite.book.chapters import notebook_files
@@ -236,17 +237,9 @@ def test_a_missing_half_and_a_large_file_are_found(tmp_path):
 
 # ---------------------------------------------------------------- making the twins
 
-CHAPTER = """\
----
-jupytext:
-  formats: ipynb,md:myst
-  notebook_metadata_filter: -jupytext.text_representation.jupytext_version,-kernelspec
-  text_representation:
-    extension: .md
-    format_name: myst
-    format_version: 0.13
----
-
+CHAPTER = (
+    HEADER
+    + """
 # A chapter
 
 ```{code-cell} ipython3
@@ -258,6 +251,7 @@ print("noise", file=sys.stderr, flush=True)
 print("end")
 ```
 """
+)
 
 
 @pytest.fixture
@@ -428,6 +422,20 @@ def test_either_side_can_be_kept(pair, command, side):
     assert ("# Mine" in md.read_text(encoding="utf-8")) is (side == "ipynb")
     assert md.read_text(encoding="utf-8").startswith(CHAPTER[: CHAPTER.index("# A chapter")])
     assert command([]) == 0
+
+
+@pytest.mark.slow
+def test_the_numbers_of_exercises_are_renewed_without_their_mistakes(tmp_path):
+    md = tmp_path / "01_small.md"
+    assert not notebooks.renew_sheet(md)  # there is none
+    sheet = tmp_path / "exercises" / md.name
+    sheet.parent.mkdir()
+    cell = "```{code-cell} ipython3\n%s\n```\n\n"
+    wrong = cell % ":tags: [mistake]\n\nfar = 3"
+    text = HEADER + "\n" + cell % "far = 59" + wrong + "It goes ?<!--{far} mm-->.\n"
+    sheet.write_text(text, encoding="utf-8")
+    assert notebooks.renew_sheet(md)
+    assert sheet.read_text("utf-8") == text.replace("?<", "59\N{NO-BREAK SPACE}mm<")
 
 
 def test_a_twin_that_was_only_run_or_saved_with_its_source_holds_no_edits(pair):

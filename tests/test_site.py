@@ -174,9 +174,10 @@ def test_dead_links_are_found(tmp_path):
 def test_a_chapter_that_does_not_say_what_it_takes_is_refused(tmp_path):
     md = tmp_path / "01_x.md"
     md.write_text(
-        "# X\n\n**Time:** an hour of reading. More.\n**Prerequisites:** none\nat all.\n\n"
+        "# X\n\n**Time:** an hour of reading. More.\n"
+        "**Prerequisites:** none\n*at all*, or [this](p.md#q). The [primer](p.md) helps.\n\n"
     )
-    assert contents.chapter(md) == ("01_x", "X", "an hour", "none at all")
+    assert contents.chapter(md) == ("01_x", "X", "an hour", "none at all, or this")
     md.write_text("# X\n\n**Time:** an hour.\n\n")
     with pytest.raises(PTAEError, match="01_x.md needs"):
         contents.chapter(md)

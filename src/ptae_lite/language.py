@@ -105,7 +105,7 @@ def parse(text: str) -> Meaning:
 
 
 def encode(text: str) -> list[int]:
-    """Token indices of a sentence with its tags: `[BOS, action, colour, speed, EOS]`, N = 5.
+    """Token indices of a sentence with its end tokens: `[BOS, action, colour, speed, EOS]`, N = 5.
 
     Raises:
         LanguageError: the text is no sentence.

@@ -13,6 +13,8 @@ from typing import NamedTuple
 from ptae_lite.book.chapters import chapter_files
 from ptae_lite.errors import PTAEError
 
+# Of Markdown in these lines: a link keeps its text, and what is emphasised its words.
+_MARKS = re.compile(r"\[([^]]+)\]\([^)]+\)|\*")
 _FACTS = re.compile(r"\*\*Time:\*\* (.+?)\s\*\*Prerequisites:\*\* (.+?)\n\n", re.DOTALL)
 
 
@@ -35,8 +37,9 @@ def chapter(md: Path) -> Chapter:
     title, facts = re.search(r"^# (.+)$", text, re.MULTILINE), _FACTS.search(text)
     if not title or not facts:
         raise PTAEError(f"{md.name} needs a title, and lines **Time:** and **Prerequisites:**")
-    time, needs = (" ".join(fact.split()).rstrip(".") for fact in facts.groups())
-    return Chapter(md.stem, title[1], time.split(". ")[0].split(" of ")[0], needs)
+    time, needs = (" ".join(_MARKS.sub(r"\1", fact).split()) for fact in facts.groups())
+    time, needs = (fact.split(". ")[0].rstrip(".") for fact in (time, needs))
+    return Chapter(md.stem, title[1], re.split(" of | with |, ", time)[0], needs)
 
 
 class Contents:

@@ -13,6 +13,9 @@ cells are. Cells without a tag are in both notebooks:
 - `check`: says in one sentence what the reader's code lacks; see `exercise_check.check`.
 - `mistake`: code in place of the answer, for the tests only. Its metadata `hint` is a part of the
   sentence that the check must give for it.
+
+Numbers in answers are made as in a chapter (see `numbers`); `run.py notebooks NN_name` renews those
+of the exercises, too. They are of seed 0.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ from ptae_lite.errors import ArtefactError
 FOLDER = Path("book", "exercises")
 KINDS = ("Write code", "Move a panel", "Think")
 PARTS = ("**Answer.**", "**Listen for.**", "**Misconceptions.**")  # of an answer in words
-TAGS = {"answer", "check", "mistake"}
+TAGS = {"answer", "check", notebooks.MISTAKE}
 BEGIN, END = "### BEGIN SOLUTION", "### END SOLUTION"
 SEED = "SEED = 0"  # the line that another seed changes
 # The stubs of nbgrader, so that its student's notebook is the same as ours.

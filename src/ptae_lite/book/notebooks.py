@@ -25,7 +25,7 @@ from nbclient.exceptions import CellControlSignal, DeadKernelError
 from nbformat import NotebookNode
 
 from ptae_lite.book import numbers
-from ptae_lite.book.chapters import notebook_files, notice
+from ptae_lite.book.chapters import EXERCISES, notebook_files, notice
 from ptae_lite.errors import ArtefactError, FileError
 from ptae_lite.files import atomic_write
 from ptae_lite.pipes import piped
@@ -40,6 +40,7 @@ LANGUAGE = {"name": "python", "file_extension": ".py", "nbconvert_exporter": "py
 # Set in the twins only. In a source, JupyterLab would replace it by this machine's name for Python.
 KERNEL = {"name": "python3", "language": "python", "display_name": "Python 3"}
 FOLDED = {"hide-input", "remove-input"}  # tags of cells whose code a page folds or leaves out
+MISTAKE = "mistake"  # tag of an exercise's cells that do not run
 STAMP = "ptae_lite"  # key in a twin's metadata: the hash of the cells it was written with
 
 
@@ -154,6 +155,25 @@ def write(md: Path) -> Path:
         new_md.write_text(text, encoding="utf-8", newline="\n")
         new_ipynb.write_bytes(content)  # neither takes its place before both are there
     return ipynb
+
+
+def renew_sheet(md: Path) -> bool:
+    """Run the exercises of a chapter, with their answers, and renew the numbers in their text.
+
+    Returns:
+        Whether there is such a sheet, and it has numbers.
+    """
+    sheet = md.parent / EXERCISES / md.name
+    if not sheet.is_file() or not numbers.COMMENT.search(text := sheet.read_text(encoding="utf-8")):
+        return False
+    notebook = read(sheet)
+    notebook.cells = [c for c in notebook.cells if MISTAKE not in c.metadata.get("tags", [])]
+    numbers.ask(notebook)
+    execute(notebook, sheet.parent.resolve())
+    with atomic_write(sheet) as temporary:
+        text = numbers.fill(text, iter(numbers.take(notebook)))
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    return True
 
 
 def fingerprint(notebook: NotebookNode) -> str:
@@ -284,6 +304,8 @@ def main(argv: list[str]) -> int:
             print(f"Running {md} ...", flush=True)
             ipynb = write(md)
             print(f"wrote {ipynb}, {ipynb.stat().st_size / 1e3:.0f} kB", flush=True)
+            if renew_sheet(md):
+                print(f"renewed the numbers of its exercises, {EXERCISES}/{md.name}", flush=True)
     except (ArtefactError, FileError, CellControlSignal, DeadKernelError) as error:
         print(error, file=sys.stderr)
         return 1

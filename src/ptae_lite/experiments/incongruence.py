@@ -16,6 +16,7 @@ there are controls that the paper does not have: the extra input in the conflict
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -33,6 +34,7 @@ from ptae_lite.language import (
     SPEEDS,
     Meaning,
     Pattern,
+    decode,
     encode,
     pattern,
     pattern_at,
@@ -184,6 +186,17 @@ def disturb_language(batch: Batch, texts: list[str]) -> Batch:
     tokens = batch.tokens.clone()
     tokens[:, 1:] = torch.tensor([encode(text) for text in texts])
     return replace(batch, tokens=tokens, token_mask=torch.ones_like(batch.token_mask))
+
+
+def false_word(aspect: str) -> Callable[[Batch], Batch]:
+    """A control of tasks with a sentence as query: the word of one aspect is false."""
+    rng = np.random.default_rng(0)
+
+    def change(batch: Batch) -> Batch:
+        texts = [decode(row[2:].tolist()) for row in batch.tokens]
+        return disturb_language(batch, [false_sentence(text, (aspect,), rng) for text in texts])
+
+    return change
 
 
 def disturb_action(batch: Batch, source: Source, seen, felt) -> Batch:

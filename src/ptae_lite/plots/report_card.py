@@ -1,4 +1,4 @@
-"""Figures of the report card: every claim in one picture, and verdicts by group."""
+"""Figures of the report card: claims with their numbers and verdicts, and verdicts by group."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ LOOKS = {  # a verdict by colour and by the form of its mark
 }  # fmt: skip
 GOOD = "#D5EBE1"  # where ours has to lie
 TITLES = {"%": "answers in words, % right", "% NRMSE": "movements, error in % (NRMSE)",
-          "": "claims in words: our median (lowest to highest)"}  # fmt: skip
-LINE = 0.165  # inches of a line of text
-LABEL, TEXT = 46, 60  # characters of a claim and of our values, in a line
+          "": "claims in words: median (range)"}  # fmt: skip
+LINE = 0.15  # inches of a line of text
+# Characters of a claim and of our values in a line, beside an axis and without one.
+BESIDE, ALONE = (46, 60), (66, 46)
 
 
 def card(rows: pd.DataFrame, run: bool = False) -> Figure:
@@ -41,7 +42,8 @@ def card(rows: pd.DataFrame, run: bool = False) -> Figure:
     """
     kinds = rows["unit"].where(rows["paper"].notna(), "")
     parts = {kind: rows[kinds == kind] for kind in TITLES if (kinds == kind).any()}
-    laid = {kind: _lay_out(part, in_words=kind == "") for kind, part in parts.items()}
+    widths = ALONE if list(parts) == [""] else BESIDE
+    laid = {kind: _lay_out(part, widths, in_words=kind == "") for kind, part in parts.items()}
     heights = [places.max() + 2.2 for _, places, _ in laid.values()]
     figure, axes = plt.subplots(
         len(parts), 1, squeeze=False, height_ratios=heights,
@@ -66,10 +68,11 @@ def card(rows: pd.DataFrame, run: bool = False) -> Figure:
         axis.set_xlim(ends[0] - pad, ends[1] + pad)
         for (_, row), y in zip(parts[kind].iterrows(), places[~bold], strict=True):
             if kind == "":
-                _in_words(axis, row, y)
+                _in_words(axis, row, y, widths[1])
             else:
                 _with_number(axis, row, y, ends, run)
-    figure.legend(handles=_legend(run), loc="outside upper center", ncols=3, fontsize=8)
+    legend = _legend(run)[: len(LOOKS) if widths is ALONE else None]
+    figure.legend(handles=legend, loc="outside upper center", ncols=3, fontsize=8)
     return style.closed(figure)
 
 
@@ -93,18 +96,20 @@ def by_group(rows: pd.DataFrame) -> Figure:
     return style.closed(figure)
 
 
-def _lay_out(part: pd.DataFrame, in_words: bool) -> tuple[list[str], np.ndarray, np.ndarray]:
+def _lay_out(
+    part: pd.DataFrame, widths, in_words: bool
+) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Labels of the rows and of the groups' headings, their places in lines, and which are bold."""
     labels, places, bold, y = [], [], [], 0.0
     for group, rows in part.groupby("group", sort=False):
         labels, places, bold, y = [*labels, group], [*places, y], [*bold, True], y + 1.1
         for _, row in rows.iterrows():
-            lines = wrap(row["claim"], LABEL)
-            tall = max(len(lines), len(wrap(_values(row), TEXT)) if in_words else 1)
+            lines = wrap(row["claim"], widths[0])
+            tall = max(len(lines), len(wrap(_values(row), widths[1])) if in_words else 1)
             labels.append("\n".join(lines))
             places.append(y + (tall - 1) / 2)
             bold.append(False)
-            y += tall + 0.25
+            y += tall + 0.2
         y += 0.3
     return labels, np.array(places), np.array(bold)
 
@@ -133,9 +138,9 @@ def _with_number(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
         axis.plot(row["run"], y, "D", color="black", mfc="none", ms=7, zorder=6)
 
 
-def _in_words(axis: Axes, row: pd.Series, y: float) -> None:
+def _in_words(axis: Axes, row: pd.Series, y: float, width: int) -> None:
     axis.plot(0.02, y, ls="", ms=7, **LOOKS[row["verdict"]])
-    text = "\n".join(wrap(_values(row), TEXT))
+    text = "\n".join(wrap(_values(row), width))
     axis.text(0.06, y, text, va="center", fontsize=8)
 
 

@@ -37,7 +37,7 @@ def a_colour_that_is_missing(draw):
 
 @question
 def a_label_that_leaks(draw):
-    share, variations = draw.choice((5, 10, 15, 20, 30)), draw.choice((4, 5, 6, 8))
+    share, variations = draw.choice((5, 8, 10, 12)), draw.choice((4, 5, 6, 8))
     leaks = 100 * (1 - (1 - share / 100) ** variations)
     return ask(
         f"Each pattern was recorded in {variations} variations, and {share} % of all clips are "
@@ -57,8 +57,9 @@ def what_a_bare_sentence_teaches(draw):
     word = draw.choice(("red", "green", "violet", "cyan", "yellow"))
     shares = draw.choice((1, 2, 3, 5))
     return ask(
-        f"Only {shares} % of the clips have a sentence. The network also repeats all the other "
-        f'sentences, without their clips. What can it learn about "{word}" from those?',
+        f"Only {shares} % of the clips are shown together with their sentences. The other "
+        "sentences are only repeated, without a clip. What does the network learn about "
+        f'"{word}" from them?',
         "at which place of a sentence it stands, and with which words",
         "Repeating needs the form of sentences; no clip tells what the word looks like.",
         ("what it looks like", "takes words to bring their meaning with them"),
