@@ -47,10 +47,10 @@ def parts(samples: Samples, indices: list[int]) -> tuple[dict[str, bytes], dict]
         made[name] = levels.astype("<u2").tobytes()
         made[f"{name}_range"] = range_.astype("<f8").tobytes()
     patterns = [language.pattern(int(samples.pattern[i])) for i in indices]
-    told = [{"sample": i, "frames": n, "action": p.action, "side": p.side, "speed": p.speed,
+    about = [{"sample": i, "frames": n, "action": p.action, "side": p.side, "speed": p.speed,
              "colours": [p.left, p.right], "split": p.split}
             for i, n, p in zip(indices, frames, patterns, strict=True)]  # fmt: skip
-    return made, {"clips": told}
+    return made, {"clips": about}
 
 
 def of_language() -> dict:
@@ -67,5 +67,5 @@ def of_motions(samples: Samples, scaling: Scaling) -> tuple[dict[str, bytes], di
     """The mean motions of the 12 actions, by which a motion is read, and how far clips lie off."""
     motions = Motions(samples, scaling)
     tracks = np.stack(list(motions.tracks.values())).astype("<f4")
-    told = {"motions": [list(name) for name in motions.tracks], "reach": motions.reach}
-    return {"motions": tracks.tobytes()}, told
+    about = {"motions": [list(name) for name in motions.tracks], "reach": motions.reach}
+    return {"motions": tracks.tobytes()}, about

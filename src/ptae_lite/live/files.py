@@ -51,10 +51,10 @@ def autoencoder(folder, path, short: bool = True) -> dict:
 
 def book(folder, samples: Samples) -> dict:
     """Write clips, words, the table of tasks and the mean motions."""
-    parts, told = clips.parts(samples, clips.chosen(samples))
+    parts, about = clips.parts(samples, clips.chosen(samples))
     scaling = checkpoint.load(artefacts.stored(MODELS["ptae"])).scaling
     more, of_motions = clips.of_motions(samples, scaling)
-    return packing.write(folder, "book", parts | more, told | of_motions | clips.of_language())
+    return packing.write(folder, "book", parts | more, about | of_motions | clips.of_language())
 
 
 def runtime(folder) -> dict:

@@ -50,10 +50,12 @@ def write(folder, name: str, parts: Mapping[str, bytes], about: Mapping | None =
     packed = zlib.compress(raw, 9)
     text = letters(packed)
     pieces = [text[i : i + PIECE] for i in range(0, len(text), PIECE)]
-    told = json.dumps({"bytes": len(packed), "parts": places, "about": about or {}})
+    opening = json.dumps({"bytes": len(packed), "parts": places, "about": about or {}})
     size = 0
     for i, piece in enumerate(pieces):
-        script = f'PtaeLive.take({json.dumps(name)}, {i}, "{piece}"{"" if i else ", " + told});\n'
+        script = (
+            f'PtaeLive.take({json.dumps(name)}, {i}, "{piece}"{"" if i else ", " + opening});\n'
+        )
         path = Path(folder, f"{name}.{i}.js")
         path.write_bytes(b"\xff\xfe" + script.encode("utf-16-le"))
         size += path.stat().st_size
