@@ -2,11 +2,11 @@
 "use strict";
 // tasks: rows of live_physics.tasks. Gives verdict, distances and milliseconds of each.
 globalThis.actAgain = async (tasks, told = () => {}) => {
-  const robot = await PtaeLive.Robot.open(), policy = await PtaeLive.PTAE.open("policy"), made = [];
+  const robot = await PtaeLive.Robot.open(), made = [];
   const autoencoder = await PtaeLive.Autoencoder.open(), [book] = await PtaeLive.load(["book"]);
   const language = new PtaeLive.Language(book.about);
   for (const task of tasks) {
-    const begun = performance.now();
+    const policy = await PtaeLive.PTAE.open(task.policy), begun = performance.now();
     const episode = task.joints_rad
       ? await PtaeLive.perform(robot.world, task, PtaeLive.replay(task.joints_rad))
       : await robot.act(policy, language, task.sentence && language.encode(task.sentence), task, autoencoder);

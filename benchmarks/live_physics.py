@@ -1,10 +1,11 @@
 """The episodes of chapter 06 acted again by what a page runs: onnxruntime-web, MuJoCo, its camera.
 
-    python benchmarks/live_physics.py FOLDER [--conditions NAME ...] [--out TABLE.csv]
+    python benchmarks/live_physics.py FOLDER [--model NAME] [--conditions NAME ...] [--out FILE]
 
 FOLDER has the live files (`python -m ptae_lite.live.files FOLDER`, or the site's `_static/live`).
-Each episode of the one-look policy (seed 0) in `closed_loop.csv` gets a second verdict, beside
-PyBullet's. With `--replay`, the recorded joints are followed instead: that compares physics alone.
+Each episode of a policy (seed 0) in `closed_loop.csv` gets a second verdict, beside PyBullet's. The
+policy is the one-look policy, or another whose weights the site has. With `--replay`, the recorded
+joints are followed instead: that compares physics alone.
 """
 
 from __future__ import annotations
@@ -23,17 +24,22 @@ from ptae_lite.data.samples import Samples, load_samples
 from ptae_lite.experiments.tasks import tasks_of
 from ptae_lite.live import scripts
 
-MODEL, SEED, REPLAY = "one_look_policy", 0, "replay"
+SEED, REPLAY = 0, "replay"
+MODELS = {  # in the table, and their packs
+    "one_look_policy": "policy", "ptae": "ptae", "ptae_no_padding": "no_padding",
+    "watching_policy": "watching", "dagger": "dagger",
+}  # fmt: skip
+ONE_LOOK = "one_look_policy"
 CONDITIONS = ("test", "displaced", "new_family", "swapped_speed", "blank")  # 648 episodes
 SCRIPT = Path(__file__).with_suffix(".js")
 
 
-def tasks(samples: Samples, condition: str) -> list[dict]:
-    """The episodes of a condition: what `actAgain` needs, and the stored verdict."""
+def tasks(samples: Samples, condition: str, model: str = ONE_LOOK) -> list[dict]:
+    """A model's episodes of a condition: what `actAgain` needs, and the stored verdict."""
     table = pd.read_csv(artefacts.stored("results/closed_loop.csv"), keep_default_na=False)
     table = table[(table["condition"] == condition) & (table["seed"] == SEED)]
     if condition != REPLAY:
-        table = table[table["model"] == MODEL]
+        table = table[table["model"] == model]
     number = {(int(p), int(v)): i for i, (p, v) in
               enumerate(zip(samples.pattern, samples.variation, strict=True))}  # fmt: skip
     of_sample = {task.sample: task for task in tasks_of(samples, condition)}
@@ -41,7 +47,7 @@ def tasks(samples: Samples, condition: str) -> list[dict]:
     for row in table.itertuples():
         task = of_sample[number[int(row.pattern), int(row.variation)]]
         one = {
-            "condition": condition, "colours": task.stage.colours,
+            "condition": condition, "policy": MODELS[model], "colours": task.stage.colours,
             "places_m": np.asarray(task.stage.places_m).tolist(),
             "yaws_rad": np.asarray(task.stage.yaws_rad).tolist(),
             "sentence": task.instruction, "action": row.action, "side": row.side,
@@ -100,13 +106,14 @@ def main(arguments=None) -> int:
     """Act, and print the summary; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split(":")[0] + ".")
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--model", choices=MODELS, default=ONE_LOOK)
     parser.add_argument("--conditions", nargs="+", choices=CONDITIONS, default=CONDITIONS)
     parser.add_argument("--replay", action="store_true", help="follow the recorded joints")
     parser.add_argument("--out", type=Path, help="a table with a row for each episode")
     given = parser.parse_args(arguments)
     samples = load_samples("recording")
     wanted = [REPLAY] if given.replay else given.conditions
-    asked = [task for condition in wanted for task in tasks(samples, condition)]
+    asked = [task for condition in wanted for task in tasks(samples, condition, given.model)]
     table = compared(asked, in_node(given.folder, asked))
     if given.out:
         table.to_csv(given.out, index=False)

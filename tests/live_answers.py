@@ -23,7 +23,7 @@ from ptae_lite.experiments.incongruence import (
     respond_under,
 )
 from ptae_lite.language import pattern, sentence
-from ptae_lite.live import export, files, networks, packing
+from ptae_lite.live import export, files, models, networks, packing
 from ptae_lite.models import checkpoint
 
 IMAGES, CONFLICT_CLIPS = 12, 3
@@ -48,7 +48,7 @@ def write(folder) -> dict:
     told = {"frames": samples.frames[test].tolist(),
             "sentences": [sentence(pattern(int(samples.pattern[i])).meaning, int(wording[i]))
                           for i in test]}  # fmt: skip
-    for name, path in files.MODELS.items():
+    for name, path in models.FIRST.items():
         trained = checkpoint.load(artefacts.stored(path))
         source = Source(trained.dataset(samples))
         executed = evaluation.respond(trained, source, test, "execute")
@@ -59,8 +59,13 @@ def write(folder) -> dict:
             parts["words"] = numbers(described.words.exp())
             parts["attention"] = numbers(described.attention[:, :, :2])
             told["said"] = evaluation.sentences(described)
+            told["labelled"] = {"ptae": told["said"]}
             told["conflicts"], answers = conflicts(trained, samples, source, test, wording)
             parts |= {f"conflict_{key}": numbers(rows) for key, rows in answers.items()}
+    for name in models.choices()["labelled"].keys() - {"ptae"}:
+        trained = checkpoint.load(artefacts.stored(models.MORE[name]))
+        described = evaluation.respond(trained, Source(trained.dataset(samples)), test, "describe")
+        told["labelled"][name] = evaluation.sentences(described)
     encoder = vision.load_autoencoder(artefacts.stored(files.ENCODER))
     shots = np.stack([frames.frame(int(samples.pattern[i]), int(samples.variation[i]), 0)
                       for i in test[:IMAGES]])  # fmt: skip
@@ -124,7 +129,7 @@ def single_precision():
 
 
 def ptae():
-    return checkpoint.load(artefacts.stored(files.MODELS["ptae"])).model
+    return checkpoint.load(artefacts.stored(models.FIRST["ptae"])).model
 
 
 FAULTS = (swapped_gates, missing_bias, wrong_padding)

@@ -49,6 +49,15 @@ async function compare(clips = Infinity, change = null) {
       gap(`${name} joints`, made.joints, theirs(`${name}_execute`, k, 495));
     }
   }
+  const labelled = {};
+  for (const [name, said] of Object.entries(about.labelled)) {
+    const model = await PtaeLive.PTAE.open(name);
+    labelled[name] = 0;
+    for (const [k, clip] of few(test)) {
+      const {told} = await model.answer(PtaeLive.batch(language, "describe", model.scaling.clip(clip)), {motion: false});
+      labelled[name] += language.decode(PtaeLive.best(told)) === said[k];
+    }
+  }
   let agree = 0;
   for (const [k, row] of few(about.conflicts)) {
     const own = models.ptae.scaling.clip(book.get(row.sample)), extra = {};
@@ -75,6 +84,6 @@ async function compare(clips = Infinity, change = null) {
     gap("pixels", drawn, theirs("drawn", k, 57600));
   }
   const median = all => all.sort((a, b) => a - b)[all.length >> 1];
-  return {worst, same, of: few(test).length, agree, conflicts: few(about.conflicts).length,
+  return {worst, same, of: few(test).length, agree, conflicts: few(about.conflicts).length, labelled,
     ms: Object.fromEntries(Object.entries(times).map(([name, all]) => [name, median(all)]))};
 }

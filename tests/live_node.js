@@ -16,6 +16,7 @@ for (const name of ["kinematics", "physics", "acting", "camera", "robot"])
   }
   made.seen = seen.map(({joints_rad, cubes, colours}) =>
     Buffer.from(robot.look(joints_rad, cubes, colours).data).toString("base64"));
-  made.ended = ended.map(({episode, meaning, colours}) => robot.told(episode, meaning, colours));
+  made.ended = ended.map(({episode, meaning, colours}) =>
+    robot.told({...episode, start: episode.cubes[0]}, meaning, colours));
   process.stdout.write(JSON.stringify(made));
 })();

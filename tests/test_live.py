@@ -33,6 +33,7 @@ PAGE = """<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Live
 <script src="live/packs.js"></script><script src="live/more.js"></script>
 <script src="compare.js"></script></head><body>
 <div data-ptae-live="transformer" data-offer="Run it"><p class="stored">stored</p></div>
+<div data-ptae-live="labels" data-offer="Run it"><p class="stored">stored</p></div>
 <div data-ptae-live="vision" data-offer="Run it"><p class="stored">stored</p></div>
 <div data-ptae-live="conflict" data-offer="Run it"><p class="stored">stored</p></div></body></html>
 """
@@ -82,6 +83,7 @@ def test_the_models_answer_as_in_pytorch(page):
     print(json.dumps(found, indent=1))
     assert found["same"] == found["of"] == 216
     assert found["agree"] == found["conflicts"] > 150
+    assert min(found["labelled"].values()) >= 215  # few labels make close decisions
     assert over(found) == []
     assert found["ms"]["describe"] < 300 and found["ms"]["execute ptae"] < 300
     assert found["ms"]["image"] < 250 and found["ms"]["image back"] < 250
@@ -180,6 +182,18 @@ def test_a_task_that_moves_shows_a_motion(page):
     choose(place, "task", "execute")
     assert "away from the recorded clip" in place.inner_text()
     assert place.locator("svg.ptae-live-figure").count() == 2
+
+
+def test_fewer_labels_are_asked_beside_all(page):
+    place = press(page, "labels")
+    assert place.locator(".stored").is_visible()  # it has other shares
+    shares = place.locator("tr th[scope=row]").all_inner_texts()
+    assert shares[-1] == "100 %"
+    count = answered(place)
+    place.get_by_label("clip").select_option(label="pull yellow slowly, test")
+    until(lambda: answered(place) > count)
+    last = place.locator("tr").last.inner_text()
+    assert "pull" in last and "≠" not in last
 
 
 def test_a_conflict_is_followed_or_not(page):
@@ -336,7 +350,7 @@ def test_in_firefox_the_models_answer_as_in_pytorch_and_parts_work(folder):
         print(json.dumps(found, indent=1))
         assert found["same"] == 216 and found["agree"] == found["conflicts"]
         assert over(found) == []
-        for part in ("vision", "transformer", "conflict"):
+        for part in ("vision", "labels", "transformer", "conflict"):
             told = page.evaluate(f"""(async () => {{
               const place = document.querySelector("[data-ptae-live={part}]");
               const begun = performance.now();

@@ -11,7 +11,7 @@ import pytest
 from ptae_lite.data.signals import WIRING
 from ptae_lite.errors import PTAEError
 from ptae_lite.language import TOKENS, parse
-from ptae_lite.live import clips, live_part, packing, scripts
+from ptae_lite.live import clips, live_part, models, packing, scripts
 from ptae_lite.widgets.panels import Panel
 
 JS = Path(scripts.__file__).parent / "js"
@@ -69,6 +69,16 @@ def test_the_page_is_told_the_same_language():
     assert [told["first_word"][word] for word in words] == list(parse(" ".join(words)))
 
 
+def test_a_model_is_offered_when_its_weights_are_stored(monkeypatch):
+    monkeypatch.setattr(models.artefacts, "manifest", lambda: {models.MORE["dagger"]: {}})
+    assert list(models.shipped()) == ["ptae", "policy", "dagger"]
+    offered = models.choices()
+    assert list(offered["policies"]) == ["policy", "ptae", "dagger"]
+    assert offered["labelled"] == {"ptae": 100}
+    named = set(models.POLICIES) | set(models.LABELLED)
+    assert named == set(models.FIRST) | set(models.MORE)
+
+
 def test_every_clip_is_there_once(samples):
     chosen = clips.chosen(samples)
     assert samples.pattern[chosen].tolist() == list(range(144))
@@ -124,8 +134,9 @@ def test_every_part_has_its_script_and_says_what_it_needs():
     loader = (JS / "loader.js").read_text("utf-8")
     names = re.findall(r'"(\w+)"', re.search(r"scripts: \[(.*?)\]", loader, re.DOTALL)[1])
     assert all((JS / f"{name}.js").is_file() for name in names)
+    scripts_of_parts = "".join((JS / f"{name}.js").read_text("utf-8") for name in names)
     for part in live_part.PARTS:
         assert re.search(rf"^\s+{part}: \[", loader, re.MULTILINE)
-        assert f"PtaeLive.parts.{part} =" in (JS / f"{part}_part.js").read_text("utf-8")
+        assert f"PtaeLive.parts.{part} =" in scripts_of_parts
     with pytest.raises(PTAEError, match="no live part 'x'; there are vision, transformer, "):
         live_part.LivePart("x", None, "")

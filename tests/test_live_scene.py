@@ -109,6 +109,19 @@ def test_recorded_motions_push_the_cubes_as_far_as_in_pybullet():
     np.testing.assert_array_equal(touched, named)
 
 
+def test_a_hand_moves_a_cube_and_that_is_not_counted():
+    """The other cube is moved while the arm acts; the verdict stays as it was."""
+    by_m, sides = [-0.01, 0.03], ("left", "right")
+    moved = [1 - sides.index(task["side"]) for task in motions()]
+    asked = [task | {"shift": {"side": side, "frame": 9, "by_m": by_m}}
+             for task, side in zip(motions(), moved, strict=True)]  # fmt: skip
+    for one, side in zip(in_node(about(), asked)["acted"], moved, strict=True):
+        cubes = np.array(one["cubes"])[:, side, :2]
+        np.testing.assert_allclose(cubes[8] - cubes[0], 0, atol=1e-3)
+        np.testing.assert_allclose(cubes[9] - cubes[0], by_m, atol=1e-3)
+        assert one["reason"] == "done" and one["other_mm"] < 1
+
+
 @pytest.mark.parametrize(
     ("old", "new"),
     [

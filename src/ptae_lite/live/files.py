@@ -18,13 +18,11 @@ import torch
 
 from ptae_lite import artefacts, vision
 from ptae_lite.data.samples import Samples, load_samples
-from ptae_lite.live import clips, export, networks, packing, scripts, world
+from ptae_lite.live import clips, export, models, networks, packing, scripts, world
 from ptae_lite.models import checkpoint
 
 JS = Path(__file__).parent / "js"
 ORT = "onnxruntime-web/dist"
-MODELS = {"ptae": "weights/ptae.safetensors",
-          "policy": "weights/one_look_policy_seed0.safetensors"}  # fmt: skip
 ENCODER = "weights/cae.safetensors"
 APACHE = "safetensors"  # a Python package that carries the text of its licence, Apache-2.0
 LICENCES = ("onnxruntime-web", "@mujoco/mujoco")
@@ -52,7 +50,7 @@ def autoencoder(folder, path, short: bool = True) -> dict:
 def book(folder, samples: Samples) -> dict:
     """Write clips, words, the table of tasks and the mean motions."""
     parts, about = clips.parts(samples, clips.chosen(samples))
-    scaling = checkpoint.load(artefacts.stored(MODELS["ptae"])).scaling
+    scaling = checkpoint.load(artefacts.stored(models.FIRST["ptae"])).scaling
     more, of_motions = clips.of_motions(samples, scaling)
     return packing.write(folder, "book", parts | more, about | of_motions | clips.of_language())
 
@@ -99,13 +97,14 @@ def write(folder) -> dict:
     samples = load_samples("recording")
     packs = {"ort": runtime(folder), "book": book(folder, samples)}
     packs |= {"mujoco": world.engine(folder), "scene": world.stage(folder, samples)}
-    for name, path in MODELS.items():
+    for name, path in models.shipped().items():
         packs[name] = model(folder, name, artefacts.stored(path))
     packs["autoencoder"] = autoencoder(folder, artefacts.stored(ENCODER))
     for path in sorted(JS.glob("*.js")):
         shutil.copyfile(path, folder / path.name)
     licences(folder)
-    index = f"PtaeLive.packs = {json.dumps(packs)};\n"
+    index = {"packs": packs, **models.choices()}
+    index = "".join(f"PtaeLive.{name} = {json.dumps(value)};\n" for name, value in index.items())
     (folder / "packs.js").write_text(index, "utf-8", newline="\n")
     return packs
 

@@ -16,7 +16,7 @@ from ptae_lite.live import scripts
 from ptae_lite.run_mode import for_site
 from ptae_lite.widgets.panels import as_html
 
-PARTS = ("vision", "transformer", "conflict", "act")  # each is a script of `ptae_lite/live/js`
+PARTS = ("vision", "transformer", "labels", "conflict", "act", "policies")  # see loader.js
 WITHOUT = (
     "This site was built without the scripts that run models in a page; these are stored answers."
 )

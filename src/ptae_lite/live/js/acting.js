@@ -2,6 +2,8 @@
 "use strict";
 var PtaeLive = globalThis.PtaeLive ||= {};
 
+// setting: places_m and yaws_rad of the cubes; perhaps shift: {frame, side, by_m}, a hand that moves
+// a cube before that frame. What it does is no part of how far a cube went: `start` goes along.
 // An episode: act({joints_rad, cubes, frame}) gives the next target of the joints, or a promise of it.
 // It ends when the arm has left home, has come back and has rested there, or after `limit` frames.
 PtaeLive.perform = async (world, setting, act) => {
@@ -9,7 +11,13 @@ PtaeLive.perform = async (world, setting, act) => {
   const episode = {joints_rad: [], cubes: [], touched: [[false, false]], stopped: "limit"};
   let rest = 0, left = false;
   world.reset(setting);
+  episode.start = world.cubes();
   for (let frame = 0; frame < rule.limit; frame++) {
+    if (setting.shift?.frame === frame) {
+      const {side, by_m} = setting.shift;
+      world.shift(side, by_m);
+      by_m.forEach((far, xy) => { episode.start[side][xy] += far; });
+    }
     const joints_rad = world.joints_rad(), cubes = world.cubes();
     episode.joints_rad.push(joints_rad);
     episode.cubes.push(cubes);
@@ -37,7 +45,7 @@ PtaeLive.replay = joints_rad => ({frame}) => joints_rad[Math.min(frame + 1, join
 // Whether the arm did what the sentence said, and what went wrong first.
 PtaeLive.judge = (scene, episode, {action, side, speed}) => {
   const {rule, table_top_m} = scene, named = scene.sides.indexOf(side);
-  const first = episode.cubes[0], last = episode.cubes.at(-1), frames = episode.cubes.length;
+  const first = episode.start, last = episode.cubes.at(-1), frames = episode.cubes.length;
   const moved_mm = last.map((cube, k) => [0, 1].map(xy => 1000 * (cube[xy] - first[k][xy])));
   const [x, y] = rule.direction[action];
   const named_mm = moved_mm[named][0] * x + moved_mm[named][1] * y;

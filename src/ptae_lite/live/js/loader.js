@@ -3,15 +3,20 @@
 window.PtaeLive = {
   base: document.currentScript.src.replace(/[^/]*$/, ""),
   packs: {}, // names of the packs with their pieces and bytes, from packs.js
-  parts: {}, // name of a live part: function (room, show) that builds it
+  policies: {}, // names of the models that act, by pack, from packs.js
+  labelled: {}, // percent of the training clips with a label, by pack, from packs.js
+  parts: {}, // name of a live part: function (room, show) that builds it; true if what is stored stays
   needs: { // the packs of each
     vision: ["ort", "book", "scene", "autoencoder"],
     transformer: ["ort", "book", "ptae", "autoencoder"],
     conflict: ["ort", "book", "scene", "ptae"],
     act: ["ort", "book", "mujoco", "scene", "autoencoder", "policy", "ptae"],
+    policies: ["ort", "book", "mujoco", "scene", "autoencoder", "policy", "ptae"],
+    labels: ["ort", "book"], // and the models of `labelled`, from packs.js
   },
   scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "autoencoder", "form",
-    "figures", "arms", "vision_part", "transformer_part", "conflict_part", "kinematics", "physics", "acting", "camera", "policy",
+    "figures", "arms", "vision_part", "transformer_part", "conflict_part", "labels_part",
+    "kinematics", "physics", "acting", "camera", "policy",
     "robot", "stage", "act_part"],
 };
 
@@ -24,6 +29,9 @@ PtaeLive.script = name => PtaeLive.script[name] ??= new Promise((done, failed) =
   tag.onerror = () => failed(new Error(`${name}.js is missing beside this page`));
   document.head.append(tag);
 });
+
+// The packs that a part loads at once.
+PtaeLive.packsOf = part => [...PtaeLive.needs[part], ...(part === "labels" ? Object.keys(PtaeLive.labelled) : [])];
 
 // Why models cannot run here; nothing if they can.
 PtaeLive.lacking = () => {
@@ -45,7 +53,7 @@ PtaeLive.offer = place => {
   const button = document.createElement("button"), note = document.createElement("span");
   button.type = "button";
   button.textContent = place.dataset.offer;
-  const bytes = PtaeLive.needs[place.dataset.ptaeLive].reduce((sum, name) => sum + PtaeLive.packs[name].bytes, 0);
+  const bytes = PtaeLive.packsOf(place.dataset.ptaeLive).reduce((sum, name) => sum + PtaeLive.packs[name].bytes, 0);
   note.textContent = ` loads ${Math.round(bytes / 1e6)} MB from this site; no other address is asked`;
   bar.append(button, note);
   button.onclick = async () => {
@@ -57,8 +65,8 @@ PtaeLive.offer = place => {
     try {
       await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
       const room = document.createElement("div");
-      await PtaeLive.parts[place.dataset.ptaeLive](room, show);
-      stored.forEach(node => node.remove?.());
+      const keeps = await PtaeLive.parts[place.dataset.ptaeLive](room, show);
+      if (!keeps) stored.forEach(node => node.remove?.());
       bar.replaceWith(room);
       room.querySelector("select, input, button")?.focus();
       place.dataset.state = "ready";

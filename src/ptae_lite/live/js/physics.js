@@ -51,6 +51,14 @@ PtaeLive.World = class {
     });
   }
 
+  // Puts a cube elsewhere and leaves it at rest there, as a hand would.
+  shift(side, [x, y]) {
+    const {qpos, qvel} = this.data, at = this.joints + 7 * side;
+    qpos[at] += x;
+    qpos[at + 1] += y;
+    qvel.fill(0, this.joints + 6 * side, this.joints + 6 * side + 6);
+  }
+
   // Moves the arm to target_rad in one frame of physics; returns which cubes it touched.
   // The motors follow angles that go at constant speed from the last target to this one.
   drive(target_rad) {

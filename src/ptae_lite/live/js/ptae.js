@@ -1,7 +1,11 @@
 // A PTAE in the page: its networks, one after another, as `PTAE.forward` runs them.
 "use strict";
 PtaeLive.PTAE = class {
-  static async open(name) {
+  // Each is opened once, however many parts ask for it.
+  static open(name) {
+    return (this.opened ??= {})[name] ??= this.start(name);
+  }
+  static async start(name) {
     const [pack] = await PtaeLive.load([name]), networks = PtaeLive.networks(pack);
     await networks.encode.open(); // starts the runtime, while other packs are unpacked
     return new PtaeLive.PTAE(networks, pack.about);

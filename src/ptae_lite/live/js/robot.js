@@ -31,7 +31,7 @@ PtaeLive.Robot = class {
     return new ImageData(this.camera.image(joints_rad, cubes, colours).slice(), width, height);
   }
 
-  // Acts a sentence; of tokens null, none. setting: colours, places_m, yaws_rad.
+  // Acts a sentence; of tokens null, none. setting: colours, places_m, yaws_rad, perhaps shift.
   act(policy, language, tokens, setting, autoencoder) {
     const look = (joints_rad, cubes) => autoencoder.encode(this.look(joints_rad, cubes, setting.colours));
     return PtaeLive.perform(this.world, setting, PtaeLive.policy(policy, language, tokens, look));
@@ -56,7 +56,7 @@ PtaeLive.Robot = class {
     const {texts, sides, table_top_m} = this.about, named = colours.indexOf(colour);
     const fill = (name, values) => texts[name].replace(/{(\w+)}/g, (_, key) => values[key]);
     const pace = fill("pace", {frames: episode.cubes.length, speed});
-    const [first, last] = [episode.cubes[0], episode.cubes.at(-1)], mm = value => value.toFixed(0);
+    const [first, last] = [episode.start, episode.cubes.at(-1)], mm = value => value.toFixed(0);
     const fell = k => last[k][2] < table_top_m;
     const moved = (k, far_mm) => fell(k) ? texts.fell : fill("moved", {mm: mm(far_mm)});
     if (named < 0) {
