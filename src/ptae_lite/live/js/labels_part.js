@@ -29,7 +29,7 @@
 
     room.append(element("div", {class: "ptae-live-controls"}, clip.row), said, answer, element("p", {class: "ptae-live-note"},
       `Live here: ${shares.join(", ")} % of the labels. Behind each word is the probability that the model gives it; ` +
-      "≠ marks a wrong one. The table below is stored."));
+      "≠ marks a wrong one. The table below is stored, with shares whose models are not here."));
     clip.clip = all.find(one => one.split === "test") ?? all[0];
     await ask();
     return true; // the stored table has other shares, and stays
