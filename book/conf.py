@@ -64,6 +64,7 @@ default_role = "code"  # `x` in a docstring, as in Markdown
 
 # --- the site
 html_static_path = ["_static"]
+html_favicon = "_static/icon.svg"  # or browsers ask a server for one that is not there
 html_css_files = ["book.css"]
 html_js_files = ["book.js"]
 if live := not scripts.missing():  # the small scripts of live parts; the rest comes when asked for

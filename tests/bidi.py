@@ -6,13 +6,14 @@ import shutil
 import subprocess
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
 import websocket
 
 NAMES = ("firefox-esr", "firefox")
+KEYS = {"\b": "\ue003", "Tab": "\ue004", "Enter": "\ue006"}  # as WebDriver has them
 # Nothing of its own, and no network: what asks for one asks a port where nobody listens.
 PREFERENCES = {
     "network.proxy.type": 1, "network.proxy.http": "127.0.0.1", "network.proxy.http_port": 9,
@@ -26,8 +27,9 @@ PREFERENCES = {
 class Page:
     """A page of a running Firefox, and what went wrong in it."""
 
-    def __init__(self, socket):
+    def __init__(self, socket, allowed=()):
         self.socket, self.number, self.wrong = socket, 0, []
+        self.allowed = ("file:", "data:", "blob:", "about:", *allowed)
         self.call("session.new", capabilities={})
         self.context = self.call("browsingContext.getTree")["contexts"][0]["context"]
         self.call("session.subscribe", events=["log.entryAdded", "network.beforeRequestSent"])
@@ -48,11 +50,18 @@ class Page:
         if name == "log.entryAdded" and told["level"] == "error":
             self.wrong.append(told["text"])
         url = told.get("request", {}).get("url", "")
-        if url and not url.startswith(("file:", "data:", "blob:", "about:")):
+        if url and not url.startswith(self.allowed):
             self.wrong.append(f"asks for {url}")
 
     def goto(self, url: str) -> None:
         self.call("browsingContext.navigate", context=self.context, url=url, wait="complete")
+
+    def press(self, *keys: str) -> None:
+        """Press keys, one after another: letters, or names in `KEYS`."""
+        values = [KEYS.get(key, key) for key in keys]
+        actions = [{"type": kind, "value": one} for one in values for kind in ("keyDown", "keyUp")]
+        self.call("input.performActions", context=self.context,
+                  actions=[{"type": "key", "id": "keys", "actions": actions}])  # fmt: skip
 
     def size(self, width: int, height: int) -> None:
         self.call("browsingContext.setViewport", context=self.context,
@@ -78,8 +87,12 @@ class Page:
 
 
 @contextmanager
-def firefox():
-    """A page in a running Firefox; skips where there is none, fails if anything went wrong."""
+def firefox(*allowed: str):
+    """A page in a running Firefox; skips where there is none, fails if anything went wrong.
+
+    Args:
+        allowed: how addresses begin that it may ask, beside those of files.
+    """
     program = next(filter(None, map(shutil.which, NAMES)), None)
     if program is None:
         pytest.skip("no Firefox here; on Debian: apt-get install firefox-esr")
@@ -91,12 +104,12 @@ def firefox():
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         process = subprocess.Popen(command, env=os.environ | {"HOME": folder}, **quiet)
         try:
-            socket = websocket.create_connection(
-                _address(Path(folder)), suppress_origin=True, timeout=300
-            )
-            page = Page(socket)
-            yield page
-            assert not page.wrong, "\n".join(page.wrong)
+            address = _address(Path(folder))
+            with closing(websocket.create_connection(
+                address, suppress_origin=True, timeout=120)) as socket:  # fmt: skip
+                page = Page(socket, allowed)
+                yield page
+                assert not page.wrong, "\n".join(page.wrong)
         finally:
             process.terminate()
             process.wait(30)

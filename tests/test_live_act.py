@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from pages import SITE, chromium, opened, pixels, stale
 
@@ -28,16 +29,17 @@ WATCHED = 12  # of a model that looks in each frame
 MEMORY_MB = 300
 
 
-@pytest.fixture(scope="module")
-def live_physics():
+def _benchmark():
     spec = importlib.util.spec_from_file_location("live_physics", BENCHMARK)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+live_physics = _benchmark()
+
+
+def act_folder(tmp_path_factory):
     """The part alone, in a folder with a difficult name."""
     place = tmp_path_factory.mktemp("act") / "Hände & Würfel"
     shutil.copytree(SITE / "_static" / "live", place / "_static" / "live")
@@ -47,6 +49,11 @@ def folder(tmp_path_factory):
     for name, part in {"index": "act", "policies": "policies"}.items():
         (place / f"{name}.html").write_text(PAGE.replace("PART", part), "utf-8")
     return place
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return act_folder(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +67,13 @@ def page(browser, folder):
     with opened(browser) as one:
         one.goto((folder / "index.html").as_uri())
         yield one
+
+
+def own_mb() -> list[float]:
+    """The memory that each process of a page has for itself, its WebAssembly included."""
+    mine = psutil.Process().children(recursive=True)
+    pages = [one for one in mine if "--type=renderer" in one.cmdline()]
+    return [one.memory_full_info().uss / 1e6 for one in pages]
 
 
 def pressed(page):
@@ -82,7 +96,7 @@ def act(place, sentence: str) -> dict:
     return {"text": said.inner_text()} | said.evaluate("one => ({...one.dataset})")
 
 
-def test_verdicts_are_pybullets(page, live_physics):
+def test_verdicts_are_pybullets(page):
     samples = load_samples("recording")
     asked = []
     for condition in live_physics.CONDITIONS:
@@ -182,3 +196,4 @@ def test_it_fits_a_phone_and_the_memory(browser, folder):
         wide = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
         assert wide[0] <= wide[1]
         assert page.evaluate("performance.memory.usedJSHeapSize") < MEMORY_MB * 1e6
+        assert max(own_mb()) < MEMORY_MB

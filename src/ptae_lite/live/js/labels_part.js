@@ -9,7 +9,7 @@
     const [book] = await PtaeLive.load(["book"]), models = await Promise.all(names.map(name => PtaeLive.PTAE.open(name)));
     const language = new PtaeLive.Language(book.about), all = PtaeLive.clips(book);
     const clip = clips(all, "clip", () => ask());
-    const said = element("p", {"aria-live": "polite", class: "ptae-live-said"}), answer = element("div", {class: "ptae-live-wide"});
+    const said = element("p", {"aria-live": "polite", class: "ptae-live-said"}), answer = element("div");
 
     const ask = latest(async () => {
       const own = clip.clip, truth = [own.action, own.colour, own.speed], rows = [];
