@@ -224,7 +224,7 @@ def test_on_the_site_a_scene_is_small_and_its_script_is_shared(recorded, static)
     """The largest there is: a slow sample, its film, and a second arm."""
     ghost = recorded.joints[90] + 0.06 * np.sin(np.arange(100) / 7)[:, None]
     page = scene3d.sample_scene(recorded, 90, ghost_joints_rad=ghost, eye=True)._repr_html_()
-    assert len(page) < 60_000
+    assert len(page) < 75_000
     assert "_static/scene.js" in page and "sandbox" not in page
     assert 'class="ptae-still"' in page and "data:image/webp" in page
     assert "handle_command" not in page

@@ -1,5 +1,8 @@
 """Results by the share of labels: what is drawn and said is what the tables hold."""
 
+import re
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -115,19 +118,16 @@ def test_a_training_stands_where_its_labels_were_shown(table):
 
 @pytest.mark.parametrize("share", SHARES)
 def test_every_share_is_marked_with_its_sentences(table, said, share):
-    figure = supervision_panel.card(table, said, "samples", "ptae", share)
+    card = supervision_panel.card(table, said, "samples", "ptae", share)
     rows = supervision_plots.rows_of(table, "ptae", "samples")
     rows = rows[rows["share"] == share]
-    for axis, column in zip(figure.axes, supervision_plots.LABELS, strict=False):
+    for axis, column in zip(card.figure.axes, supervision_plots.LABELS, strict=True):
         assert points(axis, "here") == {share: rows[column].mean()}
-    texts = [text.get_text().strip() for text in figure.axes[2].texts]
-    assert texts[:2] == ["the clip shows", "the model says ([ ]: a wrong word)"]
-    assert texts[2:] == [
-        "push red slowly", "WRONG", "move-up scarlet", "[fast]",
-        "pull blue fast", "WRONG", "[(nothing)]", "slide red fast", "right", "slide red quickly",
+    cells = re.findall("<td[^>]*>(.*?)</td>", card._repr_html_())
+    assert [re.sub("<[^>]*>", "", cell) for cell in cells] == [
+        "wrong", "push red slowly", "move-up scarlet [fast]", "wrong", "pull blue fast",
+        "[(nothing)]", "right", "slide red fast", "slide red quickly",
     ]  # fmt: skip
-    own, wrong = (t.get_text() for t in figure.axes[2].texts[4:6])
-    assert wrong.index("[fast]") == own.index("move-up") + len("move-up scarlet ")
 
 
 @pytest.mark.parametrize(
@@ -142,48 +142,50 @@ def test_each_word_is_judged_at_its_place(said, right):
 
 
 def test_what_the_table_lacks_is_said_in_its_place(table, said):
-    panel = supervision_panel.panel(table, said, model="ptae", share=10)
-    for model, there in (("ptae", "2, 10, 66.6, 100 %"), ("pvae", "none with this model")):
+    panel = supervision_panel.panel(table, said, model="PTAE", share=10)
+    for model, there in (("PTAE", "2, 10, 66.6, 100 %"), ("PVAE", "none with this model")):
         where = {"mode": "samples", "model": model, "share": 50}
-        lacking = f"The table has no {model.upper()} with 50 % of the samples; it has {there}."
-        *axes, text = panel.frame(**where).axes
-        assert panel.description(**where) == lacking == text.texts[0].get_text()
+        lacking = f"The table has no {model} with 50 % of the samples; it has {there}."
+        axes = panel.frame(**where).figure.axes
+        assert f"<p>{lacking}</p>" in panel.face(**where)
         assert axes[0].containers and "here" not in [one.get_label() for one in axes[0].lines]
+
+
+def without_figures(monkeypatch):
+    """The panel's cards with a text in the place of the figure."""
+    monkeypatch.setattr(supervision_panel, "as_html", lambda figure, text: text)
+    monkeypatch.setattr(supervision_panel, "draw_measure", lambda *a: None)
 
 
 def test_the_stored_panel_says_its_table_at_every_position(stored, monkeypatch):
     """With its texts in the place of its figures, which the tests around this one look at."""
     table, said = stored
-    monkeypatch.setattr(supervision_panel, "card", supervision_panel.describe)
+    without_figures(monkeypatch)
     panel = supervision_panel.panel(table, said, share=10)
     frames, _ = frames_in(panel.html())
     assert len(frames) == np.prod([len(values) for values in panel.values.values()])
-    for mode in panel.values["mode"]:
-        for model in panel.values["model"]:
-            for share in panel.values["share"]:
-                where = {"mode": mode, "model": model, "share": share}
-                rows, text = (
-                    supervision_plots.rows_of(table, model, mode),
-                    panel.description(**where),
-                )
-                rows = rows[rows["share"] == share]
-                if rows.empty:
-                    assert text.startswith("The table has no ")
-                    continue
-                assert f"right for {rows['describe_accuracy'].mean():.1f} % of the test" in text
-                assert f"NRMSE of {rows['execute_nrmse'].mean():.2f} %" in text
-                own = supervision_plots.rows_of(said, model, mode)
-                own = own[(own["share"] == share) & (own["seed"] == rows["seed"].min())]
-                assert len(own) == supervision.SHOWN
-                for row in own.fillna("(nothing)").itertuples():
-                    assert f"{row.truth}: {'right' if row.right else 'wrong'}, {row.said}" in text
-                assert panel.face(**where) in frames
+    for mode, model, share in product(*panel.values.values()):
+        face = panel.face(mode=mode, model=model, share=share)
+        assert face in frames
+        rows = supervision_plots.rows_of(table, model.lower(), mode)
+        rows = rows[rows["share"] == share]
+        if rows.empty:
+            assert face.startswith("The table has no ")
+            continue
+        assert f"right for {rows['describe_accuracy'].mean():.1f} % of the test" in face
+        assert f"NRMSE of {rows['execute_nrmse'].mean():.2f} %" in face
+        own = supervision_plots.rows_of(said, model.lower(), mode)
+        own = own[(own["share"] == share) & (own["seed"] == rows["seed"].min())]
+        assert len(own) == supervision.SHOWN
+        words = re.sub("[\\[\\]]|<[^>]*>", "", face.replace("</td>", "|"))
+        for row in own.fillna("(nothing)").itertuples():
+            assert f"{'right' if row.right else 'wrong'}|{row.truth}|{row.said}|" in words
 
 
 def test_the_stored_panel_shows_live_what_is_stored_of_it(stored):
-    panel = supervision_panel.panel(*stored, mode="samples", model="ptae", share=10)
+    panel = supervision_panel.panel(*stored, mode="samples", model="PTAE", share=10)
     view, shown = panel.widget(), set()
-    for model in ("ptae", "pgae", "ptae"):
+    for model in ("PTAE", "PGAE", "PTAE"):
         controls_of(view)["model"].value = model
         assert view.children[-2].value == panel.face(mode="samples", model=model, share=10)
         shown.add(view.children[-2].value)
@@ -198,7 +200,7 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
         return trained
 
     monkeypatch.setattr(supervision_panel, "fit", fit)
-    box = supervision_panel.train_panel(few, table, said, epochs=2, model="ptae", share=10).widget()
+    box = supervision_panel.train_panel(few, table, said, epochs=2, model="PTAE", share=10).widget()
     mode, _, slider, *_ = box.children
     button, line, result = box.children[-3:]
     assert "2 epochs" in button.description and result.value == ""
@@ -209,8 +211,8 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
     assert (epochs, told) == (2, [1, 2]) and not button.disabled
     assert "trained: 3 steps" in line.value and "<img" in result.value
     now = (pd.DataFrame([supervision.scores(trained, few)]), supervision.examples(trained, few))
-    figure = supervision_panel.card(table, said, "iterations", "ptae", 2, live=now)
-    for axis, column in zip(figure.axes, supervision_plots.LABELS, strict=False):
+    card = supervision_panel.card(table, said, "iterations", "ptae", 2, live=now)
+    for axis, column in zip(card.figure.axes, supervision_plots.LABELS, strict=False):
         assert points(axis, "trained just now") == {2: now[0][column].iloc[0]}
 
 
@@ -218,7 +220,7 @@ def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
     table, said, few, monkeypatch, caplog
 ):
     box = supervision_panel.train_panel(
-        few, table, said, model="pvae", mode="iterations", share=2
+        few, table, said, model="PVAE", mode="iterations", share=2
     ).widget()
     button, _, result = box.children[-3:]
     button.click()
@@ -231,7 +233,7 @@ def test_what_cannot_be_trained_is_said_and_an_error_is_shown(
 
 def test_on_a_page_there_is_no_button(table, said, few, monkeypatch):
     monkeypatch.setenv("PTAE_STATIC", "1")
-    monkeypatch.setattr(supervision_panel, "card", supervision_panel.describe)  # no figures needed
+    without_figures(monkeypatch)
     bundle = supervision_panel.train_panel(few, table, said, share=10)._repr_mimebundle_()
     assert "button" not in bundle["text/html"] and "data-ptae-embed" in bundle["text/html"]
 

@@ -41,6 +41,17 @@ def test_colours_that_stand_together_are_told_apart(by):
         assert np.linalg.norm(seen(one, by) - seen(other, by)) > 15, (one, other)
 
 
+def test_texts_in_colour_are_read_on_white():
+    def luminance(colour):
+        srgb = np.array(to_rgb(colour))
+        linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+        return linear @ [0.2126, 0.7152, 0.0722]
+
+    for colour in style.RC["axes.prop_cycle"].by_key()["color"]:
+        assert 1.05 / (luminance(style.ink(colour)) + 0.05) >= 4.5, colour
+    assert style.ink("black") == "black"
+
+
 def test_the_measure_finds_what_is_confused():
     assert np.linalg.norm(seen("#C00000", "deuteranopes") - seen("#806000", "deuteranopes")) < 15
 

@@ -19,7 +19,6 @@ from ptae_lite.plots.incongruence import MODELS, SHOWN
 
 KINDS = (("words", SHOWN[:2], "points of accuracy"), ("motion", SHOWN[2:], "points of NRMSE"))
 CUBE = {"language": "colour", "action": "position"}  # the aspect of the cube
-WIDTH = 5.6  # inches; text stays readable on a phone
 
 
 def price(paid: pd.DataFrame) -> Figure:
@@ -29,7 +28,7 @@ def price(paid: pd.DataFrame) -> Figure:
         paid: the table of `incongruence_table.damage`, of one or more models.
     """
     models = [name for name in MODELS if name in set(paid["model"])]
-    figure, panels = plt.subplots(2, 1, figsize=(WIDTH, 1.7 + 1.3 * len(models)))
+    figure, panels = plt.subplots(2, 1, figsize=(style.WIDTH, 1.7 + 1.3 * len(models)))
     for axes, (_, signals, label) in zip(panels, KINDS, strict=True):
         for y, (signal, model) in enumerate((s, m) for s in signals for m in models):
             own = paid[(paid["signal"] == signal) & (paid["model"] == model)]
@@ -39,7 +38,8 @@ def price(paid: pd.DataFrame) -> Figure:
             axes.plot(own["conflict"], [y] * len(own), label=name, **look)
             at = own["conflict"].mean(), y
             axes.annotate(f"{at[0]:.1f}" if at[0] < 20 else f"{at[0]:.0f}", at, (0, 6),
-                          textcoords="offset points", ha="center", color=colour)  # fmt: skip
+                          textcoords="offset points", ha="center",
+                          color=style.ink(colour))  # fmt: skip
         axes.axvline(0, color=style.GREY, lw=1)
         axes.axhline(len(models) - 0.6, color="#BBBBBB", lw=0.8)
         middle = (len(models) - 1) / 2
@@ -63,7 +63,7 @@ def turned(table: pd.DataFrame) -> Figure:
     A line falls where the false clip does more harm to words, and rises where it does more to
     motion. Small marks are seeds. No conflict here is one of speed.
     """
-    figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 5.4))
+    figure, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 5.4))
     asked = [(("describe", "repeat language"), aspects, "right, %")
              for aspects in (("action",), ("colour",), ("action", "colour"))]  # fmt: skip
     asked.append((("repeat action", "execute"), ("action",), "NRMSE, %"))
@@ -81,9 +81,9 @@ def turned(table: pd.DataFrame) -> Figure:
         title = f"{'words' if words else 'motion'}: false {' and '.join(aspects)}"
         axis.set(title=title, ylabel=label, xlim=(-0.3, 1.3))
         axis.set_ylim(*((-4, 106) if words else (0, None)))
-        axis.set_xticks([0, 1], [f"{what}\n({signal})" for what, signal in zip(
-            ("false sentence", "false clip"), signals, strict=True)])  # fmt: skip
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        labels = ("sentence", signals[0]), ("clip", signals[1].replace(" ", "\n"))
+        axis.set_xticks([0, 1], [f"false {what}\n({signal})" for what, signal in labels])
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return style.closed(figure)
 
 
@@ -98,7 +98,7 @@ def _false(rows: pd.DataFrame, signal: str, aspects: Sequence[str]) -> np.ndarra
 
 def single(table: pd.DataFrame) -> Figure:
     """One conflict at a time, as two tables in colours: the darker, the more harm."""
-    figure, panels = plt.subplots(2, 1, figsize=(WIDTH, 4.2))
+    figure, panels = plt.subplots(2, 1, figsize=(style.WIDTH, 4.2))
     for axes, (kind, signals, _) in zip(panels, KINDS, strict=True):
         words, rows = kind == "words", {}
         for signal in signals:
@@ -139,8 +139,8 @@ def attention(
     heads = len(next(iter(next(iter(weights.values())).values())))
     strip = np.concatenate(list(shots), axis=1)
     figure, grid = plt.subplots(
-        1 + heads, len(weights), figsize=(WIDTH, 1.2 + 1.1 * heads), squeeze=False, sharex="col",
-        gridspec_kw={"height_ratios": [0.55, *[1] * heads]},
+        1 + heads, len(weights), figsize=(style.WIDTH, 1.2 + 1.1 * heads), squeeze=False,
+        sharex="col", gridspec_kw={"height_ratios": [0.55, *[1] * heads]},
     )  # fmt: skip
     looks = ((style.GREY, ":"), (style.ORANGE, "--"), (style.BLUE, "-"))
     for column, (signal, inputs) in zip(grid.T, weights.items(), strict=True):

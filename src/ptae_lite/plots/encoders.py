@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from textwrap import fill
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -25,26 +26,32 @@ def marks(
         within: ends of the horizontal axis.
         digits: of the values beside the marks.
     """
-    figure, axes = plt.subplots(figsize=(6.0, 0.5 * len(rows) + 0.9))
     series = list(next(iter(rows.values())))
-    for k, name in enumerate(series):
-        values = [row[name] for row in rows.values()]
-        look = {"color": COLOURS[k], "ms": 7, "zorder": 3, "label": name}
-        axes.plot(values, range(len(rows)), MARKS[k], **look)
-        for i, (value, row) in enumerate(zip(values, rows.values(), strict=True)):
-            near = 0.045 * (within[1] - within[0])  # where two numbers would touch, one goes below
-            below = any(abs(row[other] - value) < near for other in series[:k])
-            axes.annotate(f"{value:.{digits}f}", (value, i), (0, -14 if below else 7), ha="center",
-                          textcoords="offset points", color=COLOURS[k])  # fmt: skip
+    below = -(-len(series) // 3) if len(series) > 1 else 0  # lines of the legend
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 0.5 * len(rows) + 0.7 + 0.2 * below))
+    axes.set_ylim(len(rows) - 0.5, -0.7)
+    near = 0.09 * (within[1] - within[0])  # numbers that are nearer would touch
+    colours = [style.MODELS.get(name, COLOURS[k]) for k, name in enumerate(series)]
     for i, row in enumerate(rows.values()):
         axes.plot([min(row.values()), max(row.values())], [i, i], color="#BBBBBB", zorder=2)
-    axes.set_yticks(range(len(rows)), list(rows))
-    spare = 0.04 * (within[1] - within[0])
+        taken: dict[int, list[float]] = {7: [], -14: [], 17: []}  # heights in points
+        for value, colour in zip(row.values(), colours, strict=True):
+            free = (up for up, other in taken.items()
+                    if all(abs(value - one) >= near for one in other))  # fmt: skip
+            up = next(free, 7)
+            taken[up].append(value)
+            axes.annotate(f"{value:.{digits}f}", (value, i), (0, up), ha="center",
+                          textcoords="offset points", color=style.ink(colour))  # fmt: skip
+    for k, name in enumerate(series):
+        values = [row[name] for row in rows.values()]
+        look = {"color": colours[k], "ms": 9 - 1.5 * k}  # so that none hides another
+        axes.plot(values, range(len(rows)), MARKS[k], zorder=3, label=name, **look)
+    axes.set_yticks(range(len(rows)), [fill(name, 18) for name in rows])
+    spare = 0.05 * (within[1] - within[0])
     axes.set(xlabel=x_label, xlim=(within[0] - spare, within[1] + spare))
-    axes.set_ylim(len(rows) - 0.5, -0.7)
     axes.tick_params(axis="y", length=0)
     if len(series) > 1:
-        figure.legend(loc="outside lower center", ncols=len(series))
+        figure.legend(loc="outside lower center", ncols=min(len(series), 3), columnspacing=1)
     return style.closed(figure)
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from ptae_lite.plots import style
 
-COLOURS = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
+COLOURS = (style.RED, style.BLUE, style.GREY, style.SKY)  # of what is not a model
 MARKS = ("o", "s", "D", "v")
 DASHES = ("-", "--", "-.", ":")
 SHARES = (1, 2, 5, 10, 20, 50, 100)  # ticks of an axis of shares
@@ -29,29 +29,31 @@ def strips(
         chance: what guessing would give, as a dotted line.
     """
     rows = list(next(iter(panels.values())))
-    size = (6.6, 0.95 + 0.42 * len(rows))
-    figure, grid = plt.subplots(1, len(panels), figsize=size, squeeze=False, sharex=True)
+    size = (style.WIDTH, 0.6 + (0.4 + 0.4 * len(rows)) * len(panels))
+    figure, grid = plt.subplots(len(panels), 1, figsize=size, squeeze=False, sharex=True)
     highest = max(max(values) for panel in panels.values() for values in panel.values())
     for axes, (title, panel) in zip(grid.flat, panels.items(), strict=True):
+        colour = style.MODELS.get(title, style.BLUE)
         for i, values in enumerate(panel.values()):
             spread = 0.2 * np.sin(2.4 * np.arange(len(values)))  # so that equal dots stay apart
-            axes.plot(values, i + spread, MARKS[i], color=COLOURS[i], ms=5, alpha=0.6, mew=0)
-            axes.plot([np.mean(values)] * 2, [i - 0.33, i + 0.33], color=COLOURS[i], lw=2)
-            axes.text(1.34 * highest, i, f"mean {np.mean(values):.0f}", color=COLOURS[i],
+            axes.plot(values, i + spread, MARKS[i], color=colour, ms=5, alpha=0.6, mew=0)
+            axes.plot([np.mean(values)] * 2, [i - 0.33, i + 0.33], color=colour, lw=2)
+            axes.text(1.34 * highest, i, f"mean {np.mean(values):.0f}", color=style.ink(colour),
                       ha="right", va="center")  # fmt: skip
         if chance is not None:
             axes.axvline(chance, color=style.GREY, ls=":", lw=1.2)
             axes.text(chance, len(rows) - 0.52, " chance", color=style.GREY, va="bottom")
-        axes.set(title=title, xlabel=x_label, xlim=(-0.02 * highest, 1.35 * highest))
-        axes.set_yticks(range(len(rows)), rows if axes is grid[0, 0] else [""] * len(rows))
+        axes.set(title=title, xlim=(-0.02 * highest, 1.35 * highest))
+        axes.set_yticks(range(len(rows)), rows)
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.tick_params(axis="y", length=0)
+    grid[-1, 0].set_xlabel(x_label)
     return style.closed(figure)
 
 
 def schedules(shown: Mapping[str, Bool[np.ndarray, "clips epochs"]]) -> Figure:
     """When each clip is shown with its sentence: dark squares."""
-    figure, grid = plt.subplots(1, len(shown), figsize=(6.4, 2.7), sharey=True)
+    figure, grid = plt.subplots(1, len(shown), figsize=(style.WIDTH, 2.6), sharey=True)
     for axes, (title, table) in zip(grid, shown.items(), strict=True):
         axes.imshow(~table, cmap="gray", vmin=-0.3, vmax=1, aspect="auto")
         axes.set(title=title, xlabel="epoch")
@@ -69,7 +71,7 @@ def tiles(
     Args:
         wrong: the tiles that must be zero.
     """
-    size = (1.3 + 0.85 * len(columns), 0.5 + 1.05 * len(tables))
+    size = (style.WIDTH, 0.5 + 1.05 * len(tables))
     figure, grid = plt.subplots(len(tables), 1, figsize=size, sharex=True, squeeze=False)
     for axes, (title, table) in zip(grid[:, 0], tables.items(), strict=True):
         paint = np.where(table == 0, 0, np.where(wrong, 2, 1))
@@ -97,29 +99,36 @@ def by_share(
 
     Args:
         panels: label of the vertical axis to named curves: values by share in percent.
-        levels: dotted lines in the last panel, with their names at the right.
+        levels: dotted lines in the last panel, with their names.
         top: upper end of a panel's vertical axis.
     """
-    size = (3.5 * len(panels) if len(panels) > 1 else 5.4, 3.0)
-    figure, grid = plt.subplots(1, len(panels), figsize=size, squeeze=False)
+    size = (style.WIDTH, 0.2 + 2.5 * len(panels))
+    figure, grid = plt.subplots(len(panels), 1, figsize=size, squeeze=False)
     for axes, (label, curves) in zip(grid.flat, panels.items(), strict=True):
-        for k, (_, curve) in enumerate(curves.items()):
-            axes.plot(curve.index, curve, DASHES[k], color=COLOURS[k], marker=MARKS[k], ms=4.5)
+        for k, (name, curve) in enumerate(curves.items()):
+            look = {"color": _colour(name, k), "marker": MARKS[k], "ms": 4.5}
+            axes.plot(curve.index, curve, DASHES[k], **look)
         high = (top or {}).get(label, 105)
-        axes.set(ylabel=label, xlabel=x_label, xscale="log", ylim=(0, high), xlim=(0.17, 120))
+        in_legend = len(curves) > 3  # too many for the left end
+        axes.set(ylabel=label, xscale="log", ylim=(0, high), xlim=(0.8 if in_legend else 0.17, 120))
         axes.set_xticks(SHARES, SHARES)
         axes.minorticks_off()
-        if len(curves) > 3:  # too many for the left end
+        if in_legend:
             axes.legend(axes.lines, list(curves), loc="upper left")
             continue
         for y, (k, name) in _apart(curves, 0.075 * high).items():
             first = next(iter(curves[name].index))
-            axes.text(0.82 * first, y, name, color=COLOURS[k], ha="right", va="center")
+            colour = style.ink(_colour(name, k))
+            axes.text(0.82 * first, y, name, color=colour, ha="right", va="center")
+    axes.set_xlabel(x_label)
     for name, level in (levels or {}).items():
         axes.axhline(level, color=style.GREY, ls=":", lw=1.2)
-        axes.annotate(name, (1.01, level), xycoords=("axes fraction", "data"), color=style.GREY,
-                      va="center")  # fmt: skip
+        axes.text(0.18, level, name, color=style.GREY, va="bottom")
     return style.closed(figure)
+
+
+def _colour(name: str, k: int) -> str:
+    return style.MODELS.get(name, COLOURS[k])
 
 
 def _apart(curves: Mapping[str, pd.Series], gap: float) -> dict[float, tuple[int, str]]:
@@ -141,10 +150,10 @@ def paired(points: pd.DataFrame, names: tuple[str, str], group: str, end: float 
         names: of the two axes.
         group: dots of one value have one colour and a mark.
     """
-    figure, axes = plt.subplots(figsize=(4.6, 4.3))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 4.2))
     axes.plot([0, end], [0, end], color=style.GREY, lw=1.2)
     _note(axes, 0.62 * end, 0.74 * end, f"{names[1].split(',')[0]} is better", "right")
-    _note(axes, 0.62 * end, 0.44 * end, f"{names[0].split(',')[0]} is better", "left")
+    _note(axes, 0.99 * end, 0.53 * end, f"{names[0].split(',')[0]} is better", "right")
     paint = plt.get_cmap("viridis")(np.linspace(0, 0.85, points[group].nunique()))
     shapes = ("o", "s", "^", "D", "v", "P", "X", "p")
     for (value, own), colour, shape in zip(points.groupby(group), paint, shapes, strict=False):
@@ -161,15 +170,17 @@ def _note(axes: Axes, x: float, y: float, text: str, side: str) -> None:
 def sentences_below(
     images: UInt8[np.ndarray, "I H W 3"], rows: Mapping[str, Sequence[str]]
 ) -> Figure:
-    """Images in a row, and below each of them a line of text for each of the named rows."""
-    figure, grid = plt.subplots(1, len(images), figsize=(7.6, 1.5 + 0.24 * len(rows)))
-    for column, (axes, image) in enumerate(zip(grid, images, strict=True)):
+    """Images in two columns, and below each of them a line of text for each of the named rows.
+
+    The number of images is even.
+    """
+    height = 0.72 * style.WIDTH / 2 + 0.17 * len(rows)
+    size = (style.WIDTH, height * -(-len(images) // 2))
+    figure, grid = plt.subplots(-(-len(images) // 2), 2, figsize=size, squeeze=False)
+    for column, (axes, image) in enumerate(zip(grid.flat, images, strict=True)):
         axes.imshow(image)
         axes.set(xticks=[], yticks=[])
-        for k, (name, texts) in enumerate(rows.items()):
-            at = {"transform": axes.transAxes, "va": "top", "color": COLOURS[k]}
-            axes.text(0.5, -0.06 - 0.17 * k, texts[column], ha="center", **at)
-            if column == 0:
-                axes.text(-0.06, -0.06 - 0.17 * k, name, ha="right", weight="bold", **at)
         axes.grid(False)
+        texts = [f"{name}: {texts[column]}" for name, texts in rows.items()]
+        axes.set_xlabel("\n".join(texts), loc="left")
     return style.closed(figure)

@@ -47,7 +47,7 @@ def by_conflicts(table: pd.DataFrame, parts: bool = True) -> Figure:
     Args:
         parts: draw the conflicts in one part of a clip as well.
     """
-    figure, axes = plt.subplots(2, 2, figsize=(5.6, 5.0), sharex=True)
+    figure, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 5.0), sharex=True)
     for axis, signal in zip(axes.flat, SHOWN, strict=True):
         rows = table[table["signal"] == signal]
         for place in _places(signal, parts):
@@ -104,7 +104,7 @@ def _scale(axis, signal: str) -> None:
 
 def compared(table: pd.DataFrame) -> Figure:
     """The four signals with each model: regular input, the congruent control, 1 to 3 conflicts."""
-    figure, axes = plt.subplots(2, 2, figsize=(5.6, 5.2), sharex=True)
+    figure, axes = plt.subplots(2, 2, figsize=(style.WIDTH, 5.0), sharex=True)
     for axis, signal in zip(axes.flat, SHOWN, strict=True):
         there = [name for name in MODELS if name in set(table["model"])]
         for k, name in enumerate(there):
@@ -117,9 +117,9 @@ def compared(table: pd.DataFrame) -> Figure:
         axis.set_title(_title(signal))
         _scale(axis, signal)
     for axis in axes[-1]:
-        axis.set_xticks(range(5), ["none", "congru-\nent", "1", "2", "3"])
-        axis.set_xlabel("extra input; number of conflicts")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+        axis.set_xticks(range(5), ["none", "\ntrue", "1", "2", "3"])
+        axis.set_xlabel("extra input; conflicts")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return style.closed(figure)
 
 
@@ -131,7 +131,7 @@ def followed(table: pd.DataFrame, parts: bool = True) -> Figure:
     """
     rows = {signal: _conditions(signal, parts) for signal in SHOWN}
     heights = [max(len(rows[s]) for s in SHOWN[:2]), max(len(rows[s]) for s in SHOWN[2:])]
-    size = (5.6, 1.2 + 0.21 * sum(heights))
+    size = (style.WIDTH, 1.4 + 0.21 * sum(heights))
     figure, axes = plt.subplots(
         2, 2, figsize=size, sharex=True, gridspec_kw={"height_ratios": heights}
     )

@@ -24,10 +24,9 @@ LOOKS = {  # a verdict by colour and by the form of its mark
 }  # fmt: skip
 GOOD = "#D5EBE1"  # where ours has to lie
 TITLES = {"%": "answers in words, % right", "% NRMSE": "movements, error in % (NRMSE)",
-          "": "claims in words: median (range)"}  # fmt: skip
-LINE = 0.15  # inches of a line of text
-# Characters of a claim and of our values in a line, beside an axis and without one.
-BESIDE, ALONE = (46, 60), (66, 46)
+          "": "claims in words: our median (lowest to highest)"}  # fmt: skip
+LINE = 0.17  # inches of a line of text
+LABEL, TEXT = 64, 56  # characters of a claim and of our values, in a line
 
 
 def card(rows: pd.DataFrame, run: bool = False) -> Figure:
@@ -42,76 +41,64 @@ def card(rows: pd.DataFrame, run: bool = False) -> Figure:
     """
     kinds = rows["unit"].where(rows["paper"].notna(), "")
     parts = {kind: rows[kinds == kind] for kind in TITLES if (kinds == kind).any()}
-    widths = ALONE if list(parts) == [""] else BESIDE
-    laid = {kind: _lay_out(part, widths, in_words=kind == "") for kind, part in parts.items()}
-    heights = [places.max() + 2.2 for _, places, _ in laid.values()]
+    laid = {kind: _lay_out(part, kind == "") for kind, part in parts.items()}
+    heights = [bottom for _, _, bottom in laid.values()]
     figure, axes = plt.subplots(
         len(parts), 1, squeeze=False, height_ratios=heights,
-        figsize=(7.0, LINE * sum(heights) + 0.75 * len(parts) + 0.5),
+        figsize=(style.WIDTH, LINE * sum(heights) + 0.5 * len(parts) + 1.0),
     )  # fmt: skip
-    for axis, kind, height in zip(axes[:, 0], parts, heights, strict=True):
-        labels, places, bold = laid[kind]
-        axis.set_yticks(places, labels)
-        for label, strong in zip(axis.get_yticklabels(), bold, strict=True):
-            label.set(fontsize=8, fontweight="bold" if strong else "normal")
-        axis.set(title=TITLES[kind], ylim=(height - 0.8, -0.9))
-        axis.tick_params(axis="y", length=0)
-        axis.grid(axis="y", visible=False)
-        ends = (
-            0,
-            {"%": 100, "": 1}.get(kind, 1.08 * parts[kind][["high", "paper"]].max(axis=None)),
-        )
+    for axis, (kind, part), height in zip(axes[:, 0], parts.items(), heights, strict=True):
+        texts, places, _ = laid[kind]
+        top = 1.08 * part[["high", "paper"]].max(axis=None) if kind == "% NRMSE" else 100
+        axis.set(title=TITLES[kind], ylim=(height, -0.6), yticks=[])
+        axis.set_xlim(-0.03 * top, 1.03 * top)
+        axis.spines["left"].set_visible(False)
         if kind == "":
             axis.set_xticks([])
             axis.spines["bottom"].set_visible(False)
-        pad = 0.03 * (ends[1] - ends[0])
-        axis.set_xlim(ends[0] - pad, ends[1] + pad)
-        for (_, row), y in zip(parts[kind].iterrows(), places[~bold], strict=True):
-            if kind == "":
-                _in_words(axis, row, y, widths[1])
-            else:
-                _with_number(axis, row, y, ends, run)
-    legend = _legend(run)[: len(LOOKS) if widths is ALONE else None]
-    figure.legend(handles=legend, loc="outside upper center", ncols=3, fontsize=8)
+        for y, text, strong in texts:
+            axis.text(0, y, text, va="top", fontweight="bold" if strong else "normal",
+                      transform=axis.get_yaxis_transform())  # fmt: skip
+        for (_, row), y in zip(part.iterrows(), places, strict=True):
+            (_in_words if kind == "" else _with_number)(axis, row, y, (0, top), run)
+    figure.legend(handles=_legend(rows, run), loc="outside upper center", ncols=2)
     return style.closed(figure)
 
 
 def by_group(rows: pd.DataFrame) -> Figure:
     """How many claims of each group have which verdict: a square for each claim."""
     groups = list(dict.fromkeys(rows["group"]))
-    figure, axis = plt.subplots(figsize=(6.4, 0.42 * len(groups) + 0.9))
+    figure, axis = plt.subplots(figsize=(style.WIDTH, 0.36 * len(groups) + 0.8))
     for y, group in enumerate(groups):
         x = 0
         for verdict, look in LOOKS.items():
             count = int(((rows["group"] == group) & (rows["verdict"] == verdict)).sum())
-            axis.plot(np.arange(x, x + count), [y] * count, ls="", ms=8, **look)
+            axis.plot(np.arange(x, x + count), [y] * count, ls="", ms=6.5, **look)
             x += count
     axis.set_yticks(range(len(groups)), groups)
     axis.set(ylim=(len(groups) - 0.5, -0.5), xticks=[])
     axis.tick_params(axis="y", length=0)
     axis.grid(visible=False)
     axis.spines[["left", "bottom"]].set_visible(False)
-    handles = [Line2D([], [], ls="", ms=8, label=name, **look) for name, look in LOOKS.items()]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8)
+    figure.legend(handles=_verdicts(rows), loc="outside lower center", ncols=2)
     return style.closed(figure)
 
 
-def _lay_out(
-    part: pd.DataFrame, widths, in_words: bool
-) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Labels of the rows and of the groups' headings, their places in lines, and which are bold."""
-    labels, places, bold, y = [], [], [], 0.0
+def _lay_out(part: pd.DataFrame, in_words: bool) -> tuple[list, list, float]:
+    """Texts with their places in lines, and whether they are bold; places of the marks; the end."""
+    texts, places, y = [], [], 0.0
     for group, rows in part.groupby("group", sort=False):
-        labels, places, bold, y = [*labels, group], [*places, y], [*bold, True], y + 1.1
+        texts.append((y, group, True))
+        y += 1.2
         for _, row in rows.iterrows():
-            lines = wrap(row["claim"], widths[0])
-            tall = max(len(lines), len(wrap(_values(row), widths[1])) if in_words else 1)
-            labels.append("\n".join(lines))
+            lines = wrap(row["claim"], LABEL)
+            texts.append((y, "\n".join(lines), False))
+            tall = len(wrap(_values(row), TEXT)) if in_words else 0.8
+            y += len(lines) + 0.45
             places.append(y + (tall - 1) / 2)
-            bold.append(False)
-            y += tall + 0.2
+            y += tall + 0.35
         y += 0.3
-    return labels, np.array(places), np.array(bold)
+    return texts, places, y
 
 
 def _values(row: pd.Series) -> str:
@@ -129,26 +116,32 @@ def _with_number(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
         low = row["paper"] - row["margin"]
     else:
         high = row["paper"] + row["margin"]
-    axis.barh(y, high - low, left=low, height=0.95, color=GOOD, zorder=1)
-    axis.plot([row["paper"]] * 2, [y - 0.45, y + 0.45], color="black", lw=2, zorder=3)
+    axis.barh(y, high - low, left=low, height=0.8, color=GOOD, zorder=1)
+    axis.plot([row["paper"]] * 2, [y - 0.4, y + 0.4], color="black", lw=2, zorder=3)
     look = LOOKS[row["verdict"]]
     axis.plot([row["low"], row["high"]], [y, y], color=look["color"], lw=2, zorder=4)
-    axis.plot(row["median"], y, ls="", ms=7, zorder=5, **look)
+    axis.plot(row["median"], y, ls="", ms=6, zorder=5, **look)
     if run:
         axis.plot(row["run"], y, "D", color="black", mfc="none", ms=7, zorder=6)
 
 
-def _in_words(axis: Axes, row: pd.Series, y: float, width: int) -> None:
-    axis.plot(0.02, y, ls="", ms=7, **LOOKS[row["verdict"]])
-    text = "\n".join(wrap(_values(row), width))
-    axis.text(0.06, y, text, va="center", fontsize=8)
+def _in_words(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
+    axis.plot(2, y, ls="", ms=6, **LOOKS[row["verdict"]])
+    axis.text(6, y, "\n".join(wrap(_values(row), TEXT)), va="center")
 
 
-def _legend(run: bool) -> list:
-    handles = [Line2D([], [], ls="", ms=7, label=name, **look) for name, look in LOOKS.items()]
-    handles.append(Line2D([], [], color="black", lw=2, ls="", marker="|", ms=9, mew=2,
-                          label="the paper's number"))  # fmt: skip
-    handles.append(Patch(color=GOOD, label="where ours agrees with it"))
+def _verdicts(rows: pd.DataFrame) -> list[Line2D]:
+    there = [verdict for verdict in LOOKS if (rows["verdict"] == verdict).any()]
+    return [Line2D([], [], ls="", ms=6, label=verdict, **LOOKS[verdict]) for verdict in there]
+
+
+def _legend(rows: pd.DataFrame, run: bool) -> list:
+    """What is there: verdicts, and for claims with a number the parts of their axis."""
+    handles: list = _verdicts(rows)
+    if rows["paper"].notna().any():
+        handles.append(Line2D([], [], color="black", lw=2, ls="", marker="|", ms=9, mew=2,
+                              label="the paper's number"))  # fmt: skip
+        handles.append(Patch(color=GOOD, label="where ours agrees"))
     if run:
         handles.append(Line2D([], [], color="black", marker="D", mfc="none", ls="", ms=7,
                               label="this run"))  # fmt: skip

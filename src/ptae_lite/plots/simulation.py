@@ -152,14 +152,14 @@ def lines(
     Args:
         colours: of the curves, in their order, where they are not the usual ones.
     """
-    figure, axes = plt.subplots(figsize=(6.4, 2.3))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 2.7))
     for i, (name, (x, y)) in enumerate(curves.items()):
-        colour = colours[i] if colours else None
+        colour = colours[i] if colours else style.MODELS.get(name)
         axes.plot(x, y, ("-", "--", "-.", ":")[i % 4], label=name, color=colour)
     for name, (x, y) in (dots or {}).items():
         axes.plot(x, y, "o", color="black", ms=4, label=name)
     axes.set(xlabel=x_label, ylabel=y_label, **axis)
-    figure.legend(loc="outside right center")
+    figure.legend(loc="outside lower center", ncols=2)
     return style.closed(figure)
 
 

@@ -19,6 +19,11 @@ from ptae_lite.run_mode import for_site
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 PURPLE, SKY, GREY = "#CC79A7", "#56B4E9", "#6B6B6B"
 
+MODELS = {  # one colour a model, on all pages
+    "PTAE": BLUE, "PGAE": ORANGE, "PVAE": GREEN, "PRAE": RED, "linear baseline": PURPLE,
+}  # fmt: skip
+_INK = {ORANGE: "#8A6000", GREEN: "#007A59", RED: "#B34E00", PURPLE: "#A3527E", SKY: "#2177B0"}
+
 WIDTH = 4.4  # inches; in this width a figure is read on a phone as on a laptop, without scaling
 DPI = 220  # of bitmaps: two dots a pixel of the page, sharp on a phone
 
@@ -46,6 +51,11 @@ def use() -> None:
     plt.rcParams.update(RC)
     if for_site() and get_ipython() is not None:
         set_matplotlib_formats("svg", metadata={"Date": None})
+
+
+def ink(colour: str) -> str:
+    """The colour for text on white: as it is, or a darker one that is read more easily."""
+    return _INK.get(colour, colour)
 
 
 def closed(figure: Figure) -> Figure:

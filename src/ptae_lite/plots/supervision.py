@@ -6,6 +6,7 @@ They are drawn from the tables of `experiments.supervision`, whatever rows these
 from __future__ import annotations
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,10 +18,10 @@ from ptae_lite.paper import reported
 from ptae_lite.plots import style
 
 LOOKS = {  # colour, line style, mark; the paper's points have the same colour
-    "ptae": (style.BLUE, "-", "o"),
-    "pgae": (style.ORANGE, "--", "s"),
-    "pvae": (style.GREEN, "-.", "D"),
-    "linear": (style.PURPLE, ":", "v"),
+    "ptae": (style.MODELS["PTAE"], "-", "o"),
+    "pgae": (style.MODELS["PGAE"], "--", "s"),
+    "pvae": (style.MODELS["PVAE"], "-.", "D"),
+    "linear": (style.MODELS["linear baseline"], ":", "v"),
 }
 NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear baseline"}
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
@@ -47,7 +48,7 @@ def by_share(table: pd.DataFrame) -> Figure:
     seed has no bar. Hollow marks are the longer trainings. Triangles are the numbers in the paper's
     text, in the model's colour.
     """
-    figure, axes = plt.subplots(1, 3, figsize=(9.5, 3.3))
+    figure, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 7.6))
     for axis, (column, mode) in zip(axes, PAPERS, strict=True):
         draw_measure(axis, table, column, mode)
         axis.set_title(f"{column.split('_')[0]} by {mode}")
@@ -58,24 +59,27 @@ def by_share(table: pd.DataFrame) -> Figure:
 def by_samples_seen(table: pd.DataFrame) -> Figure:
     """Describe accuracy of PTAE by how often a sample was shown with its label: a mark a training.
 
-    The numbers are shares in percent. The variants `covering` and `shuffled-scenes` are left out.
+    The numbers are shares in percent, where there is room for them. The variants
+    `covering` and `shuffled-scenes` are left out.
     """
     mine = table[
         (table["model"] == "ptae") & ~table["variant"].isin(["covering", "shuffled-scenes"])
     ]
     regular = mine["share"] == mine["mode"].map(REGULAR)
     kind = (mine["mode"] + ", " + mine["variant"]).mask(regular, "all labels")
-    figure, axis = plt.subplots(figsize=(7, 3.2))
+    figure, axis = plt.subplots(figsize=(style.WIDTH, 4.6))
+    points, free = ["supervised_samples_seen", "describe_accuracy"], []
     for (name, rows), mark in zip(mine.groupby(kind), "os^Dv<>p", strict=False):
-        points = ("supervised_samples_seen", "describe_accuracy")
         axis.plot(*(rows[column] for column in points), mark, fillstyle="none", label=name)
         for share, own in () if name == "all labels" else rows.groupby("share"):
-            axis.annotate(f"{share:g}", own[list(points)].mean(), textcoords="offset points",
-                          xytext=(5, 3), fontsize=7)  # fmt: skip
+            x, y = own[points].mean()
+            if all(abs(np.log(x / u)) > 0.25 or abs(y - v) > 5 for u, v in free):
+                free.append((x, y))  # numbers of crowded marks would cover each other
+                axis.annotate(f"{share:g}", (x, y), (5, 3), textcoords="offset points")
     axis.axhline(CHANCE, color=style.GREY, linestyle=":", label="chance")
     axis.set(xscale="log", xlim=(300, 60_000), ylim=(-3, 105), ylabel=LABELS["describe_accuracy"],
              xlabel="how often a sample was shown with its label")  # fmt: skip
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside right upper")
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return style.closed(figure)
 
 
@@ -122,7 +126,7 @@ def shared_legend(figure: Figure, axes) -> None:
         for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
             grey = label in ALL_MODELS
             found.setdefault(label, _in_grey(handle) if grey else handle)
-    figure.legend(found.values(), found, loc="outside upper center", ncols=4, fontsize=8)
+    figure.legend(found.values(), found, loc="outside upper center", ncols=2)
 
 
 def _in_grey(line: Line2D) -> Line2D:

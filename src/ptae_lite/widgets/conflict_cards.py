@@ -35,6 +35,7 @@ from ptae_lite.widgets.scene3d import arm_scene
 SIGNALS = ("repeat language", "execute", "describe", "repeat action")
 PLACES = {"all of it": "", "video only": "vision", "joints only": "proprioception", "none": None}
 FIRST = ("action", "cube", "speed")  # the first false aspect; after the last comes the first again
+CELL = 'style="padding:.15em .5em"'
 MARK = "border-bottom:3px double #D55E00;font-weight:bold"
 
 
@@ -138,9 +139,11 @@ class Card:
         if signal not in ANSWERS_WORDS:
             answer = f"nearest to: {answer}, {row.distance:.1f} % away"
         rows.append(("the model", f"<b>{answer}</b>"))
-        cells = "".join(f"<tr><td>{name}</td><td>{text}</td></tr>" for name, text in rows)
         verdict = row.source if aspects or row.source == "truth" else "not the truth"
-        cells += f"<tr><td>follows</td><td><b>{verdict}</b></td></tr>"
+        rows.append(("follows", f"<b>{verdict}</b>"))
+        cells = "".join(
+            f"<tr><td {CELL}>{name}</td><td {CELL}>{text}</td></tr>" for name, text in rows
+        )
         return f'<table style="margin:1em 0">{cells}</table>'
 
     def _shares(self) -> str:

@@ -96,7 +96,8 @@ class Panel:
 
     Args:
         function: called as `function(name=value, ...)`; returns a matplotlib figure, an object with
-            `_repr_html_`, or a text. It must depend on its arguments alone.
+            `_repr_html_` (its picture is its `figure`, if it has one), or a text. It must depend
+            on its arguments alone.
         values: the values of the function's one control, or a dictionary with the values of each
             control, by argument name. Numbers make a slider, anything else a choice.
         label: the text at the one control. With several controls it is the panel's title, and each
@@ -255,6 +256,7 @@ class Panel:
             return {"text/html": self._static, "text/plain": repr(self)}
         bundle = self.widget()._repr_mimebundle_() | {"text/plain": repr(self)}
         at_start = self.frame(**self.start)
+        at_start = getattr(at_start, "figure", at_start)
         if isinstance(at_start, Figure):
             bundle["image/png"] = base64.b64encode(_saved(at_start, "png")).decode("ascii")
         return bundle

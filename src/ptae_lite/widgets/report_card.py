@@ -46,4 +46,5 @@ def _row(row: dict, book: str) -> str:
     cells += [escape(row[name]) for name in ("paper", "ours", "this run")]
     judged = f"{MARKS[row['verdict']]}&nbsp;{row['verdict']}"
     cells.append(judged + (f"<br><small>{escape(row['why'])}</small>" if row["why"] else ""))
-    return "<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
+    named = zip(COLUMNS, cells, strict=True)  # on a phone the cells stand below each other
+    return "<tr>" + "".join(f'<td data-name="{name}">{cell}</td>' for name, cell in named) + "</tr>"

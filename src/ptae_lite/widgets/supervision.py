@@ -6,12 +6,11 @@ The panel is drawn from the stored tables of `experiments.supervision`. Only the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from html import escape
 
 import matplotlib.pyplot as plt
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ptae_lite.errors import ConfigError
@@ -20,11 +19,35 @@ from ptae_lite.language import SYNONYMS, Meaning
 from ptae_lite.models import MODELS
 from ptae_lite.plots import style
 from ptae_lite.plots.supervision import LABELS, MAIN, NAMES, draw_measure, rows_of, shared_legend
-from ptae_lite.widgets.panels import Panel
+from ptae_lite.widgets.panels import Panel, as_html
 from ptae_lite.widgets.train_button import TrainButton
 
+CELL = 'style="padding:.15em .5em;text-align:left"'
+WRONG = "text-decoration:underline double #D55E00"
 
-def card(table, said, mode: str, model: str, share: float, live=None) -> Figure:
+
+@dataclass(frozen=True, eq=False)
+class Card:
+    """Scores as a figure, and below it what a model says of some clips, as HTML."""
+
+    figure: Figure
+    text: str  # for those who cannot see the figure
+    answers: pd.DataFrame | None  # None where the table has no such model
+
+    def _repr_html_(self) -> str:
+        shown = as_html(self.figure, self.text)
+        if self.answers is None:
+            return f"{shown}<p>{escape(self.text)}</p>"
+        rows = "".join(
+            f"<tr><td {CELL}>{'right' if row.right else 'wrong'}</td><td {CELL}>{row.truth}</td>"
+            f"<td {CELL}>{_judged(row.truth, row.said)}</td></tr>"
+            for row in self.answers.itertuples()
+        )
+        heads = "".join(f"<th {CELL}>{name}</th>" for name in ("", "the clip shows", "it says"))
+        return f'{shown}<table style="margin:1em 0"><tr>{heads}</tr>{rows}</table>'
+
+
+def card(table, said, mode: str, model: str, share: float, live=None) -> Card:
     """The scores of a model with a share of the labels, and what it says of some clips.
 
     Args:
@@ -32,9 +55,7 @@ def card(table, said, mode: str, model: str, share: float, live=None) -> Figure:
     """
     here = rows_of(table, model, mode)
     here = here[here["share"] == share]
-    figure = plt.figure(figsize=(8.2, 4.9))
-    grid = figure.add_gridspec(2, 2, height_ratios=(3, 2))
-    axes = [figure.add_subplot(grid[0, column]) for column in range(2)]
+    figure, axes = plt.subplots(2, 1, figsize=(style.WIDTH, 5.4))
     for axis, column in zip(axes, LABELS, strict=True):
         draw_measure(axis, table, column, mode)
         if len(here):
@@ -44,13 +65,11 @@ def card(table, said, mode: str, model: str, share: float, live=None) -> Figure:
             axis.plot(share, live[0][column].iloc[0], "*", markersize=13, color=style.RED,
                       label="trained just now")  # fmt: skip
     shared_legend(figure, axes)
-    text = figure.add_subplot(grid[1, :])
-    text.axis("off")
-    if live is None and here.empty:
-        text.text(0, 0.8, describe(table, said, mode, model, share), transform=text.transAxes)
-    else:
-        _sentences(text, _answers(said, mode, model, share) if live is None else live[1])
-    return style.closed(figure)
+    text = describe(table, said, mode, model, share)
+    if live is not None:
+        return Card(style.closed(figure), text, live[1])
+    answers = None if here.empty else _answers(said, mode, model, share)
+    return Card(style.closed(figure), text, answers)
 
 
 def describe(table, said, mode: str, model: str, share: float) -> str:
@@ -62,14 +81,10 @@ def describe(table, said, mode: str, model: str, share: float) -> str:
         has = f"it has {there} %" if there else "it has none with this model"
         return f"The table has no {NAMES[model]} with {share:g} % of the {mode}; {has}."
     accuracy, error = (here[column].mean() for column in LABELS)
-    answers = "; ".join(
-        f"{row.truth}: {'right' if row.right else 'wrong'}, {_words(row.said)}"
-        for row in _answers(said, mode, model, share).itertuples()
-    )
     return (
         f"{NAMES[model]}, {share:g} % of the {mode} with a label ({_seeds(len(here))}): describe "
         f"is right for {accuracy:.1f} % of the test clips, and execute has an NRMSE of "
-        f"{error:.2f} %. It says of some clips: {answers}."
+        f"{error:.2f} %."
     )
 
 
@@ -80,12 +95,11 @@ def panel(table: pd.DataFrame, said: pd.DataFrame, **start) -> Panel:
         start: first values of the controls.
     """
     return Panel(
-        partial(card, table, said),
-        {"mode": list(SHARES), "model": ["ptae", "pgae", "pvae"], "share": list(SHARES["samples"])},
+        lambda mode, model, share: card(table, said, mode, model.lower(), share),
+        {"mode": list(SHARES), "model": ["PTAE", "PGAE", "PVAE"], "share": list(SHARES["samples"])},
         "Results by the share of labels",
         start=start,
         labels={"mode": "limited are the", "share": "with a label, %"},
-        describe=partial(describe, table, said),
     )
 
 
@@ -95,7 +109,9 @@ def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) 
     Its scores are then shown in the figure.
     """
 
-    def work(mode: str, model: str, share: float, tell) -> Figure | str:
+    def work(mode: str, model: str, share: float, tell) -> Card | str:
+        model = model.lower()
+
         def counted(numbers) -> Iterator[int]:
             for number in numbers:
                 tell(f"training {NAMES[model]}: epoch {number} of {epochs}")
@@ -138,24 +154,12 @@ def marked(truth: str, said) -> list[tuple[str, bool]]:
     ]
 
 
-def _sentences(text: Axes, rows: pd.DataFrame) -> None:
-    """Lines of text: the truth, the verdict, and the words; wrong ones are red and in brackets."""
-    look = {"family": "monospace", "fontsize": 8, "transform": text.transAxes}
-    columns = {0: "the clip shows", 0.36: "the model says ([ ]: a wrong word)"}
-    for x, heading in columns.items():
-        text.text(x, 0.95, heading, fontsize=8, color=style.GREY, transform=text.transAxes)
-    for line, row in enumerate(rows.itertuples(), start=1):
-        y = 0.95 - line / (len(rows) + 1.5)
-        words = marked(row.truth, row.said)
-        shown = [word if right else f"[{word}]" for word, right in words]
-        # two texts over each other: one has the right words, the other the wrong ones
-        layers = {"black": True, style.RED: False}
-        text.text(0, y, row.truth, **look)
-        text.text(0.36, y, "right" if row.right else "WRONG", color="black", **look)
-        for colour, kind in layers.items():
-            own = [s if r == kind else " " * len(s) for s, (_, r) in zip(shown, words, strict=True)]
-            if any(map(str.strip, own)):
-                text.text(0.36, y, " " * 8 + " ".join(own), color=colour, **look)
+def _judged(truth: str, said) -> str:
+    """The words that were said; wrong ones are underlined, and in brackets."""
+    return " ".join(
+        escape(word) if right else f'<b style="{WRONG}">[{escape(word)}]</b>'
+        for word, right in marked(truth, said)
+    )
 
 
 def _seeds(count: int) -> str:

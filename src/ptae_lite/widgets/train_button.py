@@ -8,7 +8,6 @@ from html import escape
 from typing import Any
 
 import ipywidgets
-from matplotlib.figure import Figure
 
 from ptae_lite.run_mode import is_static
 from ptae_lite.widgets.panels import Panel, as_html
@@ -20,7 +19,7 @@ class TrainButton:
     Args:
         panel: shown above the button. A page without a kernel shows the panel only.
         work: called with the panel's values and with `tell`, a function that shows a line of text
-            during the work. It returns a figure or a text, which appears below.
+            during the work. It returns what a panel's function may return; it appears below.
         button: the text on the button.
     """
 
@@ -41,8 +40,8 @@ class TrainButton:
             button.disabled = True
             try:
                 made = self.work(tell=tell, **{n: c.value for n, c in controls.items()})
-                text = made if isinstance(made, str) else "The figure shows what was just made."
-                result.value = as_html(made, text) if isinstance(made, Figure) else escape(text)
+                told = "The figure shows what was just made."
+                result.value = escape(made) if isinstance(made, str) else as_html(made, told)
             except Exception:
                 result.value = f'<pre role="alert">{escape(traceback.format_exc())}</pre>'
                 raise  # a callback's error goes to a log that few readers open, so show it, too
