@@ -20,6 +20,15 @@ def test_a_range_goes_from_the_lowest_seed_to_the_highest():
     assert [list(line.get_xdata()) for line in lines] == [[1, 4], [2.5], [2, 2], [2]]
 
 
+def test_numbers_of_marks_that_touch_are_moved_apart():
+    axes = encoders.marks({"row": {"a": 50.0, "b": 50.0, "c": 90.0}}, "%").axes[0]
+    values = [(text.get_text(), text.xy[0]) for text in axes.texts[1:]]
+    assert [text for text, _ in values] == ["50", "50", "90"]
+    places = [place for _, place in values]
+    assert places[1] - places[0] > 5 and sum(places[:2]) / 2 == pytest.approx(50)
+    assert places[2] == 90
+
+
 def test_a_ruler_has_each_value_with_its_name():
     axes = encoders.ruler({"floor": 0.5, "mean": 0.75}, "loss").axes[0]
     assert [text.get_text() for text in axes.texts] == ["floor: 0.500", "mean: 0.750"]

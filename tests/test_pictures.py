@@ -34,18 +34,21 @@ def drawn(figure):
     return figure
 
 
-def test_a_grid_holds_every_image_at_its_place():
+def test_a_grid_holds_every_image_at_its_place_below_the_name_of_its_row():
     rows = {"a": [image(v) for v in (10, 20, 30)], "b": [image(v) for v in (40, 50, 60)]}
     (axes,) = drawn(simulation_plots.grid(rows, ["x", "y", "z"])).axes
     sheet = axes.images[0].get_array()
     gap = simulation_plots.GAP_PX
-    assert sheet.shape == (2 * 12 + gap, 3 * 16 + 2 * gap, 4)  # with a channel: it is opaque
-    for r, values in enumerate(((10, 20, 30), (40, 50, 60))):
+    assert sheet.shape[1:] == (3 * 16 + 2 * gap, 4)  # with a channel: it is opaque
+    tops = (0, len(sheet) - 12)
+    for top, values in zip(tops, ((10, 20, 30), (40, 50, 60)), strict=True):
         for c, value in enumerate(values):
-            top, left = r * (12 + gap), c * (16 + gap)
+            left = c * (16 + gap)
             assert (sheet[top : top + 12, left : left + 16, :3] == value).all()
-    assert (sheet[12] == 255).all()
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["a", "b"]
+    assert tops[1] > 12 + gap and (sheet[12 : tops[1]] == 255).all()
+    assert [text.get_text() for text in axes.texts] == ["a", "b"]
+    for text, top in zip(axes.texts, tops, strict=True):
+        assert top - 12 < text.get_position()[1] <= top
     assert [label.get_text() for label in axes.get_xticklabels()] == ["x", "y", "z"]
 
 

@@ -216,9 +216,9 @@ def strips(names: Mapping[str, str] | None = None, path=None) -> Figure:
         videos, texts = file["strips"], file["texts"].tolist()
     # layout by hand: the automatic one makes the first column as wide as the text over it
     figure, axes = plt.subplots(
-        *videos.shape[:2], figsize=(style.WIDTH, 1.12 * len(videos)), layout="none",
+        *videos.shape[:2], figsize=(style.WIDTH, 1.02 * len(videos)), layout="none",
         gridspec_kw={"left": 0, "right": 1, "bottom": 0, "top": 0.94, "wspace": 0.04,
-                     "hspace": 0.7},
+                     "hspace": 0.5},
     )  # fmt: skip
     for row, video, text in zip(axes, videos, texts, strict=True):
         for axis, image in zip(row, video, strict=True):
@@ -228,5 +228,5 @@ def strips(names: Mapping[str, str] | None = None, path=None) -> Figure:
         for reason, words in REWORDED.items():
             rest = rest.replace(reason, words)
         shown = (names or {}).get(model, model).removeprefix("+ ").removeprefix("or ")
-        row[0].set_title(fill(f"{shown}: {rest}", 62), loc="left", fontsize=9)
+        row[0].set_title(fill(f"{shown}: {rest}", 68), loc="left", fontsize=9)
     return style.closed(figure)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from textwrap import fill
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,65 +19,70 @@ MARKS = ("o", "s", "^", "D")
 def marks(
     rows: Mapping[str, Mapping[str, float]], x_label: str, *, within=(0, 100), digits: int = 0
 ) -> Figure:
-    """A row for each name, with a labelled mark for each of its named values.
+    """A row below each name, with a labelled mark for each of its named values.
 
     Args:
         rows: name of the row to values by series. All rows have the same series.
         within: ends of the horizontal axis.
-        digits: of the values beside the marks.
+        digits: of the values below the marks.
     """
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 0.62 * len(rows) + 0.8))
     series = list(next(iter(rows.values())))
-    below = -(-len(series) // 3) if len(series) > 1 else 0  # lines of the legend
-    figure, axes = plt.subplots(figsize=(style.WIDTH, 0.5 * len(rows) + 0.7 + 0.2 * below))
-    axes.set_ylim(len(rows) - 0.5, -0.7)
-    near = 0.09 * (within[1] - within[0])  # numbers that are nearer would touch
     colours = [style.MODELS.get(name, COLOURS[k]) for k, name in enumerate(series)]
-    for i, row in enumerate(rows.values()):
-        axes.plot([min(row.values()), max(row.values())], [i, i], color="#BBBBBB", zorder=2)
-        taken: dict[int, list[float]] = {7: [], -14: [], 17: []}  # heights in points
-        for value, colour in zip(row.values(), colours, strict=True):
-            free = (up for up, other in taken.items()
-                    if all(abs(value - one) >= near for one in other))  # fmt: skip
-            up = next(free, 7)
-            taken[up].append(value)
-            axes.annotate(f"{value:.{digits}f}", (value, i), (0, up), ha="center",
-                          textcoords="offset points", color=style.ink(colour))  # fmt: skip
-    for k, name in enumerate(series):
-        values = [row[name] for row in rows.values()]
-        look = {"color": colours[k], "ms": 9 - 1.5 * k}  # so that none hides another
-        axes.plot(values, range(len(rows)), MARKS[k], zorder=3, label=name, **look)
-    axes.set_yticks(range(len(rows)), [fill(name, 18) for name in rows])
-    spare = 0.05 * (within[1] - within[0])
-    axes.set(xlabel=x_label, xlim=(within[0] - spare, within[1] + spare))
-    axes.tick_params(axis="y", length=0)
+    wide = within[1] - within[0]
+    for i, (name, row) in enumerate(rows.items()):
+        values = list(row.values())
+        start = min(values) if len(series) > 1 else within[0]
+        axes.plot([start, max(values)], [i, i], color="#BBBBBB", lw=3 if len(series) == 1 else 1.6)
+        axes.text(0, i - 0.3, name, va="center", transform=axes.get_yaxis_transform())
+        places = _apart(values, (0.055 + 0.015 * digits) * wide)
+        for k, (value, place) in enumerate(zip(values, places, strict=True)):
+            look = {"color": colours[k], "ms": 9 - 1.5 * k}  # so that none hides another
+            axes.plot(value, i, MARKS[k], zorder=3, label=None if i else series[k], **look)
+            axes.annotate(f"{value:.{digits}f}", (place, i), (0, -6), textcoords="offset points",
+                          ha="center", va="top", color=style.ink(colours[k]))  # fmt: skip
+    axes.set(xlabel=x_label, xlim=(within[0] - 0.04 * wide, within[1] + 0.04 * wide), yticks=[])
+    axes.set_ylim(len(rows) - 0.4, -0.55)
+    axes.spines["left"].set_visible(False)
     if len(series) > 1:
-        figure.legend(loc="outside lower center", ncols=min(len(series), 3), columnspacing=1)
+        long = sum(map(len, series)) > 50
+        figure.legend(loc="outside lower center", ncols=1 if long else len(series))
     return style.closed(figure)
+
+
+def _apart(values: Sequence[float], least: float) -> np.ndarray:
+    """Where texts of these values stand, each pair at least so far apart."""
+    places, order = np.array(values, float), np.argsort(values, kind="stable")
+    for _ in range(20):
+        for one, other in pairwise(order):
+            lacking = least - (places[other] - places[one])
+            if lacking > 0:
+                places[[one, other]] += -lacking / 2, lacking / 2
+    return places
 
 
 def ruler(levels: Mapping[str, float], x_label: str) -> Figure:
     """Named values on one line, each with its name, by turns above and below the line."""
-    figure, axes = plt.subplots(figsize=(6.4, 1.9))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 2.2))
     values = sorted(levels.items(), key=lambda item: item[1])
+    low, high = values[0][1], values[-1][1]
     axes.axhline(0, color=style.GREY, lw=1.2)
     for i, (name, value) in enumerate(values):
         up, colour = (-1) ** i, COLOURS[i % len(COLOURS)]
         far = 0.45 if i % 4 < 2 else 1.0  # so that neighbours do not touch
         axes.plot([value, value], [0, up * far], color=colour, lw=1)
-        axes.plot(value, 0, MARKS[i % len(MARKS)], color=colour, ms=7)
-        text = {"ha": "center", "va": "bottom" if up > 0 else "top", "color": colour}
+        axes.plot(value, 0, MARKS[i % len(MARKS)], color=colour, ms=8)
+        side = "left" if value < low + (high - low) / 3 else "right"
+        text = {"ha": side, "va": "bottom" if up > 0 else "top", "color": style.ink(colour)}
         axes.annotate(f"{name}: {value:.3f}", (value, up * far), **text)
-    low, high = values[0][1], values[-1][1]
     axes.set(xlabel=x_label, ylim=(-1.5, 1.5), yticks=[])
-    axes.set_xlim(low - 0.2 * (high - low), high + 0.2 * (high - low))
+    axes.set_xlim(low - 0.05 * (high - low), high + 0.05 * (high - low))
     axes.grid(False)
     axes.spines["left"].set_visible(False)
     return style.closed(figure)
 
 
-def ranges(
-    rows: Mapping[str, pd.DataFrame], group: str, panels: Mapping[str, str], columns: int = 3
-) -> Figure:
+def ranges(rows: Mapping[str, pd.DataFrame], group: str, panels: Mapping[str, str]) -> Figure:
     """A panel for each column in `panels`: the mean of each group with its lowest and highest.
 
     Args:
@@ -85,12 +90,11 @@ def ranges(
             the others hollow.
         group: the column of the groups, which are the rows of a panel, in their order.
         panels: column to title.
-        columns: of panels.
     """
     groups = list(dict.fromkeys(next(iter(rows.values()))[group]))
-    height = -(-len(panels) // columns)
-    size = (0.9 + 2.0 * columns, 0.5 + (0.65 + 0.34 * len(groups)) * height)
-    figure, grid = plt.subplots(height, columns, figsize=size, sharey=True, squeeze=False)
+    height = -(-len(panels) // 2)
+    size = (style.WIDTH, 0.5 + (0.65 + 0.34 * len(groups)) * height)
+    figure, grid = plt.subplots(height, 2, figsize=size, sharey=True, squeeze=False)
     for axes, (column, title) in zip(grid.flat, panels.items(), strict=False):
         for k, table in enumerate(rows.values()):
             for i, name in enumerate(groups):
@@ -124,7 +128,7 @@ def changes(table: pd.DataFrame, limits: Mapping[str, float]) -> Figure:
     size = table.abs() / pd.Series(limits)
     shades = np.where(size < 1, 0, np.where(size < 2, 1, 2))
     colours = plt.matplotlib.colors.ListedColormap(["#A8DDC5", "#F6E3B4", "#F0B89A"])
-    figure, axes = plt.subplots(figsize=(5.6, 0.27 * len(table) + 0.7))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 0.27 * len(table) + 0.7))
     axes.imshow(shades, cmap=colours, vmin=0, vmax=2, aspect="auto")
     for (i, j), value in np.ndenumerate(table.to_numpy()):
         axes.text(j, i, f"{value:+.0f}", ha="center", va="center")
@@ -151,7 +155,7 @@ def in_use(
         labels: of the two axes.
         levels: named vertical lines at values of `x`.
     """
-    figure, axes = plt.subplots(figsize=(6.4, 3.6))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 4.4))
     names = list(dict.fromkeys(next(iter(stages.values()))["encoder"]))
     for i, name in enumerate(names):
         path = []
@@ -166,12 +170,13 @@ def in_use(
     for name, own in others.groupby("encoder", sort=False):
         at = own[x].mean(), own[y].mean()
         axes.plot(*at, "X", color=style.PURPLE, ms=7)
-        axes.annotate(name, at, (0, 7), textcoords="offset points", ha="center", color=style.PURPLE)
+        axes.annotate(name, at, (0, 7), textcoords="offset points", ha="center",
+                      color=style.ink(style.PURPLE))  # fmt: skip
     for name, level in levels.items():
         axes.axvline(level, color=style.GREY, ls=":")
         foot = axes.get_xaxis_transform()  # x in data, y in shares of the height
         axes.text(level, 0.02, f" {name} ", transform=foot, ha="left", color=style.GREY)
     axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.margins(y=0.1)
-    axes.legend(loc="lower left")
+    figure.legend(loc="outside lower center", ncols=2)
     return style.closed(figure)

@@ -14,9 +14,10 @@ import pandas as pd
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
+from matplotlib.ticker import LogLocator, NullLocator
 
 from ptae_lite.plots import style
-from ptae_lite.robot.arm import JOINT_NAMES
+from ptae_lite.plots.simulation import joint_panels
 
 WORDS, CLIP, SHARED = style.ORANGE, style.SKY, style.GREEN
 # For each model, oldest first: boxes (x, y, text, colour), arrows between them, and one sentence.
@@ -52,16 +53,13 @@ def trajectories(
     truth: Float[np.ndarray, "T 5"], predicted: dict[str, np.ndarray], title: str = ""
 ) -> Figure:
     """The five joints over a clip, in degrees: the recorded ones in grey, predictions over them."""
-    figure, axes = plt.subplots(1, 5, figsize=(9.5, 2.2), sharex=True)
+    figure, axes = joint_panels("frame")
     looks = (("-", style.BLUE), ("--", style.ORANGE), (":", style.RED))
     for j, axis in enumerate(axes):
         axis.plot(np.degrees(truth[:, j]), color="#BBBBBB", linewidth=4, label="recorded")
         for (name, joints), (line, colour) in zip(predicted.items(), looks, strict=False):
             axis.plot(np.degrees(joints[: len(truth), j]), line, color=colour, label=name)
-        axis.set_title(JOINT_NAMES[j])
-    axes[0].set_ylabel("degrees")
-    axes[2].set_xlabel("frame")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(title, fontsize=10)
     return style.closed(figure)
 
@@ -74,26 +72,33 @@ def attention_map(
     Args:
         frames: clip length; a dotted line marks it.
     """
-    figure, axes = plt.subplots(1, len(weights), figsize=(8.2, 2), sharey=True)
-    for head, axis in enumerate(axes):
+    rows = -(-len(weights) // 2)
+    figure, axes = plt.subplots(
+        rows, 2, figsize=(style.WIDTH, 2.0 * rows + 0.7), sharex=True, sharey=True
+    )
+    for head, axis in enumerate(axes.flat):
         picture = axis.imshow(
             weights[head, : len(tokens)], aspect="auto", cmap="viridis", vmin=0, vmax=weights.max()
         )
         axis.axvline(frames - 0.5, color="white", linewidth=1, linestyle=":")
         axis.set_title(f"head {head + 1}")
-        axis.set_xlabel("frame")
         axis.set_yticks(range(len(tokens)), tokens)
         axis.grid(False)
-    figure.colorbar(picture, ax=axes, label="weight")
+    for axis in axes[-1]:
+        axis.set_xlabel("frame")
+    figure.colorbar(picture, ax=axes, label="weight", location="bottom", aspect=40)
     figure.suptitle(title, fontsize=10)
     return style.closed(figure)
 
 
 def learning_curve(history: Float[np.ndarray, "epochs 2"], title: str = "") -> Figure:
     """Language and action loss by epoch, on logarithmic scales."""
-    figure, axes = plt.subplots(1, 2, figsize=(7, 2.4))
+    figure, axes = plt.subplots(1, 2, figsize=(style.WIDTH, 2.4))
     for axis, values, name in zip(axes, np.asarray(history).T, ("language", "action"), strict=True):
         axis.semilogy(np.arange(1, len(values) + 1), values)
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 3)))
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_locator(NullLocator())
         axis.set_title(f"{name} loss")
         axis.set_xlabel("epoch")
     figure.suptitle(title, fontsize=10)
@@ -106,7 +111,7 @@ def family(sizes: dict[str, int] | None = None) -> Figure:
     Args:
         sizes: number of parameters of each, to be written beside its name.
     """
-    figure, axes = plt.subplots(2, 2, figsize=(8.2, 5.4))
+    figure, axes = plt.subplots(4, 1, figsize=(style.WIDTH, 7.6))
     for axis, (name, (boxes, arrows, sentence)) in zip(axes.flat, FAMILY.items(), strict=True):
         signal = "\n+ signal" if name in ("PGAE", "PTAE") else ""
         ends = [(0, 1, f"words{signal}", WORDS), (0, 0, "video,\njoints", CLIP),
@@ -119,10 +124,10 @@ def family(sizes: dict[str, int] | None = None) -> Figure:
             axis.annotate("", (2, 0.25), (2, 0.75), arrowprops={
                 "arrowstyle": "<->", "color": style.RED, "linestyle": "--",
             })  # fmt: skip
-            axis.text(2.07, 0.5, "bound", color=style.RED, va="center", fontsize=8)
+            axis.text(2.07, 0.5, "bound", color=style.RED, va="center")
         for x, y, text, colour in [*boxes, *ends]:
             axis.add_patch(FancyBboxPatch(
-                (x - 0.3, y - 0.13), 0.6, 0.26, boxstyle="round,pad=0.02",
+                (x - 0.34, y - 0.15), 0.68, 0.3, boxstyle="round,pad=0.02",
                 facecolor=colour, alpha=0.3 if 0 < x < 3 else 0.12, edgecolor=style.GREY,
             ))  # fmt: skip
             axis.text(x, y, text, ha="center", va="center", fontsize=8.5)
@@ -135,37 +140,47 @@ def family(sizes: dict[str, int] | None = None) -> Figure:
     return style.closed(figure)
 
 
-def convergence(curves: pd.DataFrame, variants: dict[str, str]) -> Figure:
+def convergence(curves: pd.DataFrame, variants: list[str]) -> Figure:
     """Describe accuracy during training, by updates and by seconds of computing, a line a seed.
 
     Args:
         curves: the table `family_curves.csv`.
-        variants: the variants to draw, each with its colour.
+        variants: the ones to draw. A long training of a model drawn before it is dashed.
     """
-    figure, axes = plt.subplots(1, 2, figsize=(8.5, 2.9), sharey=True)
+    figure, axes = plt.subplots(2, 1, figsize=(style.WIDTH, 4.4), sharey=True)
     for axis, column in zip(axes, ("updates", "seconds"), strict=True):
-        for name, colour in variants.items():
+        for k, name in enumerate(variants):
+            model = _model(name)
+            again = model in map(_model, variants[:k])
             lines = curves[curves["variant"] == name].groupby("seed")
             for i, (_, line) in enumerate(lines):
-                axis.plot(line[column], line["describe_accuracy"], color=colour, alpha=0.8,
-                          linewidth=1.2, label=None if i else name)  # fmt: skip
+                axis.plot(line[column], line["describe_accuracy"], color=style.MODELS[model],
+                          ls="--" if again else "-", alpha=0.8, linewidth=1.2,
+                          label=None if i else name)  # fmt: skip
         axis.set_xlabel("updates" if column == "updates" else "seconds of one core")
+        axis.set(ylabel="describe accuracy, %", ylim=(-3, 103))
         axis.locator_params(axis="x", nbins=6)
-    axes[0].set(ylabel="describe accuracy, %", ylim=(-3, 103))
-    axes[0].legend()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return style.closed(figure)
 
 
 def choices(table: pd.DataFrame, variants: list[str]) -> Figure:
     """Describe accuracy and execute error of each variant: a dot a seed, a bar at the median."""
-    figure, axes = plt.subplots(1, 2, figsize=(8.5, 0.32 * len(variants) + 0.9), sharey=True)
-    for axis, column in zip(axes, ("describe_accuracy", "execute_nrmse"), strict=True):
+    size = (style.WIDTH, 0.5 * len(variants) + 0.7)
+    figure, axes = plt.subplots(1, 2, figsize=size, sharey=True)
+    columns = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
+    for axis, (column, label) in zip(axes, columns.items(), strict=True):
         for y, name in enumerate(variants):
-            values = table[table["variant"] == name][column]
-            axis.plot(values, [y] * len(values), "o", color=style.BLUE, alpha=0.6, markersize=5)
-            axis.plot(values.median(), y, "|", color=style.RED, markersize=14, markeredgewidth=2)
-    axes[0].set_yticks(range(len(variants)), variants)
-    axes[0].invert_yaxis()
-    axes[0].set_xlabel("describe accuracy, %")
-    axes[1].set_xlabel("execute NRMSE, %")
+            values, colour = table[table["variant"] == name][column], style.MODELS[_model(name)]
+            axis.plot(values, [y] * len(values), "o", color=colour, alpha=0.6, markersize=6)
+            axis.plot(values.median(), y, "|", color="black", markersize=14, markeredgewidth=2)
+        axis.set(xlabel=label, yticks=[], ylim=(len(variants) - 0.6, -0.8))
+        axis.spines["left"].set_visible(False)
+    for y, name in enumerate(variants):
+        axes[0].text(0, y - 0.38, name, va="center", transform=axes[0].get_yaxis_transform())
     return style.closed(figure)
+
+
+def _model(variant: str) -> str:
+    """The model of a variant such as `PTAE, long`."""
+    return variant.split(",")[0]

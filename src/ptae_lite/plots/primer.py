@@ -25,7 +25,7 @@ def convolution(image: Float[np.ndarray, "rows columns"]) -> Figure:
     answer = (windows * EDGE).sum((2, 3))
     row, column = np.unravel_index(answer.argmax(), answer.shape)
     figure, (left, middle, right) = plt.subplots(
-        1, 3, figsize=(6.4, 2.5), width_ratios=(1.3, 0.6, 1.3)
+        1, 3, figsize=(style.WIDTH, 2.5), width_ratios=(1.3, 0.6, 1.3)
     )
     left.imshow(image, cmap="gray")
     left.add_patch(Rectangle((column - 0.5, row - 0.5), 3, 3, fill=False, ec=style.ORANGE, lw=2))
@@ -43,7 +43,7 @@ def convolution(image: Float[np.ndarray, "rows columns"]) -> Figure:
 
 def lstm(inputs=("frame 1", "frame 2", "frame 3"), outputs=("", "", "answer")) -> Figure:
     """One cell, drawn once for each step, with the state that it hands on to itself."""
-    figure, axes = plt.subplots(figsize=(6.4, 2.5))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 2.5))
     for i, (given, said) in enumerate(zip(inputs, outputs, strict=True)):
         x = 2.4 * i
         box = FancyBboxPatch(
@@ -68,7 +68,7 @@ def softmax(scores: Mapping[str, float]) -> Figure:
     """Scores of some words, and the probabilities that softmax makes of them."""
     values = np.array(list(scores.values()))
     shares = np.exp(values) / np.exp(values).sum()
-    figure, row = plt.subplots(1, 2, figsize=(6.4, 2.0), sharey=True)
+    figure, row = plt.subplots(1, 2, figsize=(style.WIDTH, 2.0), sharey=True)
     for axes, lengths, form in zip(row, (values, shares), ("{:.1f}", "{:.2f}"), strict=True):
         bars = axes.barh(list(scores), lengths, color=style.SKY)
         axes.bar_label(bars, [form.format(v) for v in lengths], padding=3)
@@ -85,7 +85,7 @@ def ridge(strengths=(0.0, 0.03, 10.0), powers: int = 9, seed: int = 50) -> Figur
     x, dense = np.linspace(-1, 1, powers + 1), np.linspace(-1, 1, 200)
     y = np.sin(2.5 * x) + rng.normal(0, 0.25, len(x))
     features, grid = (np.vander(points, powers + 1) for points in (x, dense))
-    figure, row = plt.subplots(1, len(strengths), figsize=(6.4, 2.2), sharey=True)
+    figure, row = plt.subplots(1, len(strengths), figsize=(style.WIDTH, 2.2), sharey=True)
     for axes, strength in zip(row, strengths, strict=True):
         penalty = strength * np.eye(powers + 1)
         weights = np.linalg.solve(features.T @ features + penalty, features.T @ y)
@@ -100,7 +100,7 @@ def nrmse(
     track_deg: Float[np.ndarray, " T"], answer_deg: Float[np.ndarray, " T"], range_deg: float
 ) -> Figure:
     """A joint's angle and an answer to it, the error between them, and the range it is held to."""
-    figure, axes = plt.subplots(figsize=(6.4, 2.5))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 2.5))
     frames = np.arange(len(track_deg))
     axes.fill_between(frames, track_deg, answer_deg, color=style.ORANGE, alpha=0.35, lw=0)
     axes.plot(track_deg, color=style.BLUE)

@@ -13,6 +13,7 @@ from math import pi
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -22,6 +23,7 @@ from ptae_lite.robot import arm
 from ptae_lite.robot.scene import COLOUR_RGBA, CUBE_EDGE_M, FRAMES_PER_S, TABLE_SHAPES
 
 GAP_PX, GROUP_GAP_PX = 5, 20  # white between images, and between groups of them
+LINE_IN = 0.2  # of a label above a row
 VIEW = {"elev": 26, "azim": 42}  # from in front of the robot, to its left, above the table
 LIGHT = (0.36, 0.48, 0.80)
 
@@ -30,9 +32,8 @@ def grid(
     rows: Mapping[str, Sequence[np.ndarray]],
     headings: Sequence[str] | None = None,
     groups: Sequence[int] | None = None,
-    width_in: float = 7.0,
 ) -> Figure:
-    """Rows of images (H x W x 3 bytes, all of one size), with a label before each row.
+    """Rows of images (H x W x 3 bytes, all of one size), with a label above each row.
 
     Args:
         headings: over the columns, or over the groups.
@@ -48,18 +49,23 @@ def grid(
     gaps = np.full(columns, GAP_PX)
     gaps[edges[1:] - 1] = GROUP_GAP_PX if groups else GAP_PX
     left = np.cumsum([0, *(width + gaps)])
-    top = np.arange(len(rows)) * (height + GAP_PX)
+    wide = left[-2] + width
+    line = round(LINE_IN * wide / style.WIDTH) if any(rows) else 0  # for the label, in pixels
+    top = np.arange(len(rows)) * (height + GAP_PX + line)
     # With a channel that says it is opaque; else matplotlib adds one, in doubles (30 MB for 28).
-    sheet = np.full((top[-1] + height, left[-2] + width, 4), 255, np.uint8)
+    sheet = np.full((top[-1] + height, wide, 4), 255, np.uint8)
     for (r, row), c in product(enumerate(rows.values()), range(columns)):
         sheet[top[r] : top[r] + height, left[c] : left[c] + width, :3] = row[c]
-    height_in = (width_in - 1) * sheet.shape[0] / sheet.shape[1] + 0.3
-    figure, axes = plt.subplots(figsize=(width_in, height_in))
+    above = LINE_IN * (bool(line) + bool(headings))
+    height_in = style.WIDTH * sheet.shape[0] / wide + above
+    figure, axes = plt.subplots(figsize=(style.WIDTH, height_in))
     axes.imshow(sheet)
-    axes.set_yticks(top + height / 2, list(rows))
+    for name, y in zip(rows, top, strict=True):
+        axes.text(0, y - GAP_PX / 2, name, va="bottom")
     middles = (left[edges[:-1]] + left[edges[1:] - 1] + width) / 2
     axes.set_xticks(middles if headings else [], headings or [])
-    axes.tick_params(length=0, labeltop=True, labelbottom=False)
+    axes.tick_params(length=0, labeltop=True, labelbottom=False, pad=2 + 72 * LINE_IN * bool(line))
+    axes.set_yticks([])
     axes.spines[:].set_visible(False)
     axes.grid(False)
     return style.closed(figure)
@@ -89,7 +95,7 @@ def arm_drawing(
         front.append(arm.Shape(name, "box", (CUBE_EDGE_M,) * 3, rgba=COLOUR_RGBA[colour]))
         links[name][:3, 3] = pose[:3]  # the cubes lie flat: they are only turned about z
         links[name][:3, :3] = arm.rotation((0, 0, 1), [2 * np.arctan2(pose[5], pose[6])])[0]
-    figure = plt.figure(figsize=(4.4, 4.0), layout="none")
+    figure = plt.figure(figsize=(style.WIDTH, 4.0), layout="none")
     axes = figure.add_axes((0, 0, 1, 1), projection="3d", computed_zorder=False)
     for layer, some in enumerate((body, TABLE_SHAPES, front)):
         faces, paint = zip(*(face for shape in some for face in _lit(shape, links)), strict=True)
@@ -152,14 +158,17 @@ def lines(
     Args:
         colours: of the curves, in their order, where they are not the usual ones.
     """
-    figure, axes = plt.subplots(figsize=(style.WIDTH, 2.7))
+    names = [*curves, *(dots or {})]
+    columns = 3 if max(map(len, names)) < 14 else 2
+    size = (style.WIDTH, 2.6 + 0.17 * -(-len(names) // columns))
+    figure, axes = plt.subplots(figsize=size)
     for i, (name, (x, y)) in enumerate(curves.items()):
         colour = colours[i] if colours else style.MODELS.get(name)
         axes.plot(x, y, ("-", "--", "-.", ":")[i % 4], label=name, color=colour)
     for name, (x, y) in (dots or {}).items():
         axes.plot(x, y, "o", color="black", ms=4, label=name)
     axes.set(xlabel=x_label, ylabel=y_label, **axis)
-    figure.legend(loc="outside lower center", ncols=2)
+    figure.legend(loc="outside lower center", ncols=columns)
     return style.closed(figure)
 
 
@@ -168,28 +177,28 @@ def audit(checks: Mapping[str, tuple[int, int, int]], names: tuple[str, str]) ->
 
     A row for each check, from none to all; a square for the first set, a circle for the second.
     """
-    figure, axes = plt.subplots(figsize=(6.4, 0.55 * len(checks) + 0.7))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 0.62 * len(checks) + 0.5))
     looks = (("s", style.RED), ("o", style.BLUE))
-    for row, (*passed, total) in enumerate(checks.values()):
-        axes.plot([0, 1], [row, row], color="#D0D0D0", lw=1, zorder=1)
+    for row, (check, (*passed, total)) in enumerate(checks.items()):
+        axes.text(-0.12, row - 0.3, f"{check} (of {total})", va="center")
+        axes.plot([0, 1], [row, row], color="#D0D0D0", lw=1.5, zorder=1)
         for count, name, (mark, colour) in zip(passed, names, looks, strict=True):
-            axes.plot(count / total, row, mark, color=colour, ms=8, zorder=2)
-            text = f"{count}" + (f" ({name})" if row == 0 else "")
-            axes.annotate(text, (count / total, row), (0, 8), textcoords="offset points",
-                          ha="center", color=colour)  # fmt: skip
-    labels = [f"{check} (of {total})" for check, (*_, total) in checks.items()]
-    axes.set_yticks(range(len(labels)), labels)
-    axes.set(xticks=[0, 1], xticklabels=["none", "all"], xlim=(-0.15, 1.15))
-    axes.set_ylim(len(labels) - 0.6, -0.7)
+            axes.plot(count / total, row, mark, color=colour, ms=9, zorder=2,
+                      label=None if row else name)  # fmt: skip
+            axes.annotate(f"{count}", (count / total, row), (0, -7), textcoords="offset points",
+                          ha="center", va="top", color=style.ink(colour))  # fmt: skip
+    axes.set(xticks=[0, 1], xticklabels=["none", "all"], yticks=[], xlim=(-0.12, 1.12))
+    axes.set_ylim(len(checks) - 0.5, -0.5)
     axes.grid(False)
     axes.spines[:].set_visible(False)
     axes.tick_params(length=0)
+    figure.legend(loc="outside lower center", ncols=2)
     return style.closed(figure)
 
 
 def ranges(used: Mapping[str, tuple[float, float]], allowed: Sequence[tuple], unit: str) -> Figure:
     """The range of each joint that a data set uses, within the range that is allowed."""
-    figure, axes = plt.subplots(figsize=(6.4, 2.0))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 2.2))
     for row, ((low, high), (least, most)) in enumerate(zip(used.values(), allowed, strict=True)):
         axes.barh(row, most - least, left=least, height=0.7, color="#DDDDDD")
         axes.barh(row, high - low, left=low, height=0.35, color=style.BLUE)
@@ -201,20 +210,32 @@ def ranges(used: Mapping[str, tuple[float, float]], allowed: Sequence[tuple], un
 
 def joints(groups: Mapping[str, Sequence[Float[np.ndarray, "T 5"]]]) -> Figure:
     """The five joints over time in degrees, a panel each. A group of clips has one colour."""
-    figure, row = plt.subplots(1, len(arm.JOINTS), figsize=(7.4, 2.1), sharex=True)
-    for (j, axes), (g, (name, tracks)) in product(enumerate(row), enumerate(groups.items())):
+    figure, panels = joint_panels("seconds")
+    for (j, axes), (g, (name, tracks)) in product(enumerate(panels), enumerate(groups.items())):
         for k, track in enumerate(tracks):
             seconds, degrees = np.arange(len(track)) / FRAMES_PER_S, np.degrees(track[:, j])
             axes.plot(seconds, degrees, f"C{3 * g}", lw=0.9, label=None if k else name)
-        axes.set(title=arm.JOINT_NAMES[j], xlabel="s")
-    row[0].set_ylabel("degrees")
-    figure.legend(*row[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return style.closed(figure)
+
+
+def joint_panels(x_label: str) -> tuple[Figure, list[Axes]]:
+    """An empty figure with a panel for each joint, in two columns. The sixth place is free."""
+    figure, grid = plt.subplots(3, 2, figsize=(style.WIDTH, 4.6), sharex=True)
+    panels = list(grid.flat[: len(arm.JOINTS)])
+    for axes, name in zip(panels, arm.JOINT_NAMES, strict=True):
+        axes.set_title(name)
+    figure.supylabel("degrees", fontsize=9)
+    for axes in panels[-2:]:  # nothing stands below them
+        axes.set_xlabel(x_label)
+        axes.tick_params(labelbottom=True)
+    grid.flat[-1].remove()
+    return figure, panels
 
 
 def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
     """How far cubes moved, in mm: a row for each action, with a dot for each sample and cube."""
-    figure, axes = plt.subplots(figsize=(6.4, 2.0))
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 2.5))
     for i, cubes in enumerate(rows.values()):
         for c, (name, far) in enumerate(cubes.items()):
             height = i - 0.15 + 0.3 * c + np.linspace(-0.1, 0.1, len(far))
@@ -222,5 +243,5 @@ def travel(rows: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
     axes.set_yticks(range(len(rows)), list(rows))
     axes.invert_yaxis()
     axes.set(xlabel="cube travel in mm")
-    figure.legend(loc="outside right center", markerscale=4)
+    figure.legend(loc="outside lower center", ncols=2, markerscale=4)
     return style.closed(figure)

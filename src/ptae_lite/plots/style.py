@@ -65,9 +65,9 @@ def closed(figure: Figure) -> Figure:
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a PNG file of 128 colours. The same figure gives the same bytes."""
-    small = io.BytesIO()
-    _image(figure).quantize(128, dither=0).save(small, "PNG", optimize=True)
+    """The figure as a PNG file of few colours. The same figure gives the same bytes."""
+    small, colours = io.BytesIO(), 128 if _has_pictures(figure) else 32
+    _image(figure).quantize(colours, dither=0).save(small, "PNG", optimize=True)
     return small.getvalue()
 
 
@@ -75,7 +75,7 @@ def chart(figure: Figure) -> DisplayedImage | SVG:
     """The figure as the PNG of `png`, a third of the size that a notebook would make; on the site
     as a drawing, unless there are pictures in it.
     """
-    if for_site() and not any(axes.images for axes in figure.axes):
+    if for_site() and not _has_pictures(figure):
         drawn = io.BytesIO()
         _save(figure, drawn, format="svg", metadata={"Date": None})
         return SVG(drawn.getvalue().decode())
@@ -87,6 +87,10 @@ def photo(figure: Figure) -> DisplayedImage:
     small = io.BytesIO()
     _image(figure).save(small, "JPEG", quality=80, subsampling=0)
     return DisplayedImage(small.getvalue(), format="jpeg", retina=True)
+
+
+def _has_pictures(figure: Figure) -> bool:
+    return any(axes.images for axes in figure.axes)
 
 
 def _image(figure: Figure) -> Image.Image:

@@ -39,9 +39,9 @@ def dots_by_seed(
     groups = list(dict.fromkeys(rows[group]))
     if len(groups) > len(LOOKS):
         raise PTAEError(f"these panels distinguish {len(LOOKS)} groups, not {len(groups)}")
-    width = 0.4 + 2.4 * len(panels)
-    figure, row = plt.subplots(1, len(panels), figsize=(width, 2.7), sharex=True, squeeze=False)
-    for axes, (column, label) in zip(row[0], panels.items(), strict=True):
+    size = (style.WIDTH, 2.1 * len(panels) + 0.7)
+    figure, grid = plt.subplots(len(panels), 1, figsize=size, sharex=True, squeeze=False)
+    for axes, (column, label) in zip(grid[:, 0], panels.items(), strict=True):
         for i, (name, (dash, mark)) in enumerate(zip(groups, LOOKS, strict=False)):
             own = rows[rows[group] == name]
             means = own.groupby(x)[column].mean()
@@ -50,25 +50,28 @@ def dots_by_seed(
         for k, (name, level) in enumerate((levels or {}).items()):
             colour = (style.GREY, style.PURPLE, style.SKY)[k % 3]
             axes.axhline(level[column], color=colour, ls=":", label=name)
-        axes.set(title=label, xlabel=x_label)
+        axes.set_title(label)
         if ticks is not None:
             axes.set_xscale("symlog", linthresh=min(tick for tick in ticks if tick))
             axes.set_xticks(ticks, [f"{tick:,g}" for tick in ticks])
             axes.set_xticks([], minor=True)
-    figure.legend(*row[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    grid[-1, 0].set_xlabel(x_label)
+    handles = grid[0, 0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=2 if levels else 3)
     return style.closed(figure)
 
 
 def marked(
     images: Sequence[np.ndarray], points: Mapping[str, np.ndarray], titles: Sequence[str]
 ) -> Figure:
-    """Images side by side, each with a mark for each of up to three names.
+    """Images in two columns, each with a mark for each of up to three names.
 
     Args:
         points: name to its places (column, row), one for each image, in pixels.
     """
-    figure, row = plt.subplots(1, len(images), figsize=(7, 1.8), sharey=True)
-    for i, (axes, image, title) in enumerate(zip(row, images, titles, strict=True)):
+    rows = -(-len(images) // 2)
+    figure, grid = plt.subplots(rows, 2, figsize=(style.WIDTH, 1.85 * rows + 0.3))
+    for i, (axes, image, title) in enumerate(zip(grid.flat, images, titles, strict=True)):
         axes.imshow(image)
         for (name, places), mark in zip(points.items(), "x+1", strict=False):
             axes.plot(*places[i], mark, color="black", ms=9, mew=3)
@@ -76,15 +79,15 @@ def marked(
         axes.set(title=title, xlim=(0, 159), ylim=(119, 0), xticks=[], yticks=[])
         axes.spines[:].set_visible(False)
     legend = {"loc": "outside lower center", "ncols": 3, "frameon": True, "labelcolor": "white"}
-    figure.legend(*row[0].get_legend_handles_labels(), facecolor=style.GREY, **legend)
+    figure.legend(*grid.flat[0].get_legend_handles_labels(), facecolor=style.GREY, **legend)
     return style.closed(figure)
 
 
 def components(
     parts: Mapping[str, Float[np.ndarray, " K"]], curves: Mapping[str, tuple], y_label: str
 ) -> Figure:
-    """Stacked bars of `parts` (% of all variance) by component, and beside them `curves` (x, y)."""
-    figure, (bars, plot) = plt.subplots(1, 2, figsize=(7.2, 2.4))
+    """Stacked bars of `parts` (% of all variance) by component, and below them `curves` (x, y)."""
+    figure, (bars, plot) = plt.subplots(2, 1, figsize=(style.WIDTH, 4.4))
     base = 0
     for (name, part), colour in zip(parts.items(), (style.ORANGE, style.GREY), strict=False):
         bars.bar(np.arange(1, len(part) + 1), part, bottom=base, color=colour, label=name)
@@ -109,10 +112,8 @@ def squeezed(
     Args:
         names: of the three rows.
     """
-    heights = (1, 0.55, 1)
-    figure, grid = plt.subplots(
-        3, len(images), figsize=(1.7 * len(images) + 0.4, 3.5), height_ratios=heights
-    )
+    size = (style.WIDTH, 0.6 + 8.4 / len(images))
+    figure, grid = plt.subplots(3, len(images), figsize=size, height_ratios=(1, 0.6, 1))
     channels = np.repeat([style.RED, style.GREEN, style.BLUE], codes.shape[1] // 3)
     for column, image, code, made in zip(grid.T, images, codes, drawn, strict=True):
         column[0].imshow(image)
@@ -125,7 +126,7 @@ def squeezed(
         axes.spines[:].set_visible(False)
         axes.grid(False)
     for axes, name in zip(grid[:, 0], names, strict=True):
-        axes.set_ylabel(name)
+        axes.set_title(name, loc="left")
     return style.closed(figure)
 
 
@@ -141,14 +142,14 @@ def funnel(
     counts = [int(np.prod(shape)) for _, shape in stages]
     widths = np.sqrt(counts) / np.sqrt(max(counts))
     code = int(np.argmin(counts))
-    figure = plt.figure(figsize=(5.4, 0.235 * len(stages) + 1.9))
+    figure = plt.figure(figsize=(style.WIDTH, 0.235 * len(stages) + 1.9))
     top, axes, bottom = figure.subplots(3, 1, height_ratios=(0.9, 0.235 * len(stages), 0.9))
     for i, ((layer, shape), count, width) in enumerate(zip(stages, counts, widths, strict=True)):
         colour = style.ORANGE if i == code else style.BLUE if i < code else style.GREEN
         axes.barh(i, width, left=-width / 2, height=0.72, color=colour)
-        axes.text(-0.62, i, layer, ha="right", va="center")
+        axes.text(-0.55, i, layer, ha="right", va="center")
         size = " x ".join(map(str, shape))
-        axes.text(0.62, i, f"{size} = {count:,}" if len(shape) > 1 else size, va="center")
+        axes.text(0.55, i, f"{size} = {count:,}" if len(shape) > 1 else size, va="center")
     axes.set(xlim=(-1.5, 1.5), ylim=(len(stages) - 0.4, -0.6))
     axes.set_axis_off()
     for picture, image in ((top, first), (bottom, last)):

@@ -175,7 +175,8 @@ class Card:
         edge = "3px double #D55E00" if false else "1px solid #888"
         name = "first frame of" if still else "six pictures of"
         return (
-            f'<img alt="{name} {_clip(shown)}" style="max-width:100%;border:{edge};padding:2px" '
+            f'<img alt="{name} {_clip(shown)}" style="width:{5 * len(picture_strips)}rem;'
+            f'max-width:100%;border:{edge};padding:2px" '
             f'src="{_webp(np.concatenate(list(picture_strips), axis=1))}">'
         )
 

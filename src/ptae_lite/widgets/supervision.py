@@ -44,7 +44,7 @@ class Card:
             for row in self.answers.itertuples()
         )
         heads = "".join(f"<th {CELL}>{name}</th>" for name in ("", "the clip shows", "it says"))
-        return f'{shown}<table style="margin:1em 0"><tr>{heads}</tr>{rows}</table>'
+        return f'{shown}<table style="margin:1em 0;font-size:.9em"><tr>{heads}</tr>{rows}</table>'
 
 
 def card(table, said, mode: str, model: str, share: float, live=None) -> Card:
