@@ -13,7 +13,7 @@ import jupytext
 from sphinx.util import logging
 
 from ptae_lite import artefacts, run_mode
-from ptae_lite.book import chapters, marks, numbers
+from ptae_lite.book import chapters, icons, marks, numbers
 from ptae_lite.live import files, scripts
 from ptae_lite.widgets import viewer
 
@@ -181,6 +181,8 @@ def finish(app, exception) -> None:
         return
     copy_notebooks(app)
     drop_source_maps(app)
+    if app.builder.name == "html":
+        icons.trim(app.outdir)
     found = {name: how_it_ran(app, name) for name in app.env.nb_metadata}
     record = {name: ran for name, ran in found.items() if ran}
     if any(ran["traceback"] for ran in record.values()):

@@ -245,6 +245,19 @@ def put(control, position):
         control.press("ArrowRight")
 
 
+def test_icons_are_drawn(browser):
+    """Those that the theme puts into a page; the others are left out of its script."""
+    with opened(browser) as page:
+        page.goto((SITE / "index.html").as_uri())
+        page.locator("svg[data-icon]").first.wait_for(state="attached")
+        drawn = page.locator("svg[data-icon] path").evaluate_all(
+            "all => all.map(one => one.getAttribute('d')?.length ?? 0)")  # fmt: skip
+        assert len(drawn) > 8 and min(drawn) > 10
+        assert page.locator("i[class*='fa-'], svg[data-icon=missing], .fa-missing").count() == 0
+    script = SITE / "_static" / "scripts" / "fontawesome.js"
+    assert script.stat().st_size < 200_000
+
+
 DRAWN = "one => one.tagName !== 'IMG' || one.naturalWidth > 0"
 
 
