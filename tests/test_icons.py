@@ -2,13 +2,17 @@
 
 from ptae_lite.book import icons
 
-SCRIPT = ('var a={"arrow-up":[384,512,[8593],"f062","M1 2z"],'
-          'search:[512,512,[128269,"find"],"f002","M3 4z"],sun:[512,512,[],"f185",["M5z","M6z"]]};go(a);')  # fmt: skip
+ICONS = (
+    '"arrow-up":[384,512,[8593],"f062","M1 2z"],',
+    'search:[512,512,[128269,"find"],"f002","M3 4z"],',
+    'sun:[512,512,[],"f185",["M5z","M6z"]]',
+)
+SCRIPT = f"var a={{{''.join(ICONS)}}};go(a);"
 
 
 def test_icons_are_kept_by_name_and_by_other_name():
     made = icons.trimmed(SCRIPT, {"sun", "find"})
-    assert made == SCRIPT.replace('"arrow-up":[384,512,[8593],"f062","M1 2z"],', "")
+    assert made == SCRIPT.replace(ICONS[0], "")
     assert icons.trimmed(SCRIPT, set()) == "var a={};go(a);"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 
 import ipywidgets
@@ -121,13 +122,23 @@ class Box:
     """A box for typing a sentence, and the arm that does it.
 
     A page without a kernel shows a note instead; the panel of stored episodes works there.
+
+    Args:
+        policies: models that can act, by name.
+        kept: episodes of the first, for where there is no simulator.
     """
 
-    def __init__(self, trained: Trained, encoder: nn.Module, kept: list[StoredEpisode]):
-        self.ask = lambda scene, text: answer(trained, encoder, kept, scene, text)
+    def __init__(
+        self, policies: Mapping[str, Trained], encoder: nn.Module, kept: list[StoredEpisode]
+    ):
+        self.names = tuple(policies)
+        self.ask = lambda name, scene, text: answer(
+            policies[name], encoder, kept if name == self.names[0] else [], scene, text
+        )
 
     def widget(self) -> ipywidgets.VBox:
-        """Scene, sentence and button, and below them what the arm did."""
+        """Policy, scene, sentence and button, and below them what the arm did."""
+        who = ipywidgets.Dropdown(options=self.names, description="who acts")
         scene = ipywidgets.Dropdown(options=list(stages()), description="cubes")
         text = ipywidgets.Combobox(
             value="push red slowly", description="sentence", ensure_option=False,
@@ -139,14 +150,14 @@ class Box:
         def act(_click) -> None:
             button.disabled = True
             try:
-                view.value = self.ask(scene.value, text.value)._repr_html_()
+                view.value = self.ask(who.value, scene.value, text.value)._repr_html_()
             except PTAEError as error:
                 view.value = f'<p role="alert">{escape(str(error))}</p>'
             finally:
                 button.disabled = False
 
         button.on_click(act)
-        return ipywidgets.VBox([scene, text, button, view])
+        return ipywidgets.VBox([who, scene, text, button, view])
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
         if is_static():
