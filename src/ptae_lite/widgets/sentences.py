@@ -26,7 +26,7 @@ def table(said: pd.DataFrame, shares: Sequence[float]) -> Styler:
     shown = rows.assign(says=[_shown(row.truth, row.said) for row in rows.itertuples()])
     made = shown.pivot(index="truth", columns="share", values="says")
     made = made.loc[list(dict.fromkeys(rows["truth"])), list(shares)]
-    made.columns = [f"{share:g} % of the labels" for share in shares]
+    made.columns = [f"{share:g} %" for share in shares]
     return made.rename_axis("the clip shows").reset_index().style.hide(axis="index")
 
 
