@@ -127,7 +127,7 @@ def endings(table: pd.DataFrame, models: Mapping[str, str]) -> Figure:
         bars = axis.barh(range(len(models)), part, left=start, height=0.66, color=colour,
                          edgecolor="white", label=REWORDED.get(reason, reason))  # fmt: skip
         texts = [f"{share:.0f}" if share >= 6 else "" for share in part]
-        dark = colour in (style.ORANGE, "#B9B9B9")
+        dark = colour in (style.ORANGE, style.RED, "#B9B9B9")
         axis.bar_label(bars, texts, label_type="center", color="black" if dark else "white")
         start += part
     axis.set_yticks(range(len(models)), models.values())
