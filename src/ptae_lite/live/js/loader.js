@@ -25,7 +25,10 @@ PtaeLive.script = name => PtaeLive.script[name] ??= new Promise((done, failed) =
   const tag = document.createElement("script");
   tag.src = `${PtaeLive.base}${name}.js`;
   tag.async = false; // they run in the order in which they are asked for
-  tag.onload = done;
+  tag.onload = () => {
+    tag.remove(); // its text, megabytes of letters, need not stay
+    done();
+  };
   tag.onerror = () => failed(new Error(`${name}.js is missing beside this page`));
   document.head.append(tag);
 });

@@ -3,8 +3,9 @@
 PtaeLive.Robot = class {
   static async open(show) {
     const [engine, scene] = await PtaeLive.load(["mujoco", "scene"], show);
-    const mujoco = await PtaeLive.loadMuJoCo(engine.parts.module, engine.parts.wasm);
-    return new PtaeLive.Robot(mujoco, scene);
+    this.mujoco ??= PtaeLive.loadMuJoCo(engine.parts.module, engine.parts.wasm);
+    engine.parts = {}; // started once, for all robots of a page
+    return new PtaeLive.Robot(await this.mujoco, scene);
   }
   constructor(mujoco, {parts, about}) {
     this.about = about;

@@ -9,6 +9,7 @@
     env.wasm.numThreads = 1; // more threads need headers that no folder sends
     env.wasm.proxy = false;
     env.wasm.wasmBinary = parts.wasm.slice().buffer;
+    delete parts.wasm; // the runtime starts once, and has its own
     const module = new Blob([parts.mjs], {type: "text/javascript"});
     env.wasm.wasmPaths = {mjs: URL.createObjectURL(module)};
   }
