@@ -141,7 +141,8 @@ def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
     def written(values: pd.Series) -> str:
         if len(values) == 1:
             return f"{values.iloc[0]:.1f} (one seed)"
-        return f"{values.median():.1f} ({values.min():.1f} to {values.max():.1f})"
+        low, high = values.min(), values.max()  # \u00a0: a range is not broken across lines
+        return f"{values.median():.1f}\u00a0({low:.1f}\u00a0to\u00a0{high:.1f})"
 
     return table.groupby("variant", sort=False)[list(columns)].agg(written)
 

@@ -167,15 +167,15 @@ def in_use(
         for start, end in zip(path, path[1:], strict=False):
             arrow = {"arrowstyle": "->", "color": COLOURS[i], "lw": 1.4}
             axes.annotate("", end, start, arrowprops=arrow)
-    for name, own in others.groupby("encoder", sort=False):
+    for k, (name, own) in enumerate(others.groupby("encoder", sort=False)):
         at = own[x].mean(), own[y].mean()
         axes.plot(*at, "X", color=style.PURPLE, ms=7)
-        axes.annotate(name, at, (0, 7), textcoords="offset points", ha="center",
+        axes.annotate(name, at, (0, -16 if k % 2 else 7), textcoords="offset points", ha="center",
                       color=style.ink(style.PURPLE))  # fmt: skip
     for name, level in levels.items():
         axes.axvline(level, color=style.GREY, ls=":")
         foot = axes.get_xaxis_transform()  # x in data, y in shares of the height
-        axes.text(level, 0.02, f" {name} ", transform=foot, ha="left", color=style.GREY)
+        axes.text(level, 0.02, f" {name} ", transform=foot, ha="right", color=style.GREY)
     axes.set(xlabel=labels[0], ylabel=labels[1])
     axes.margins(y=0.1)
     figure.legend(loc="outside lower center", ncols=2)

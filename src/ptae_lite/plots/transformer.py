@@ -64,15 +64,16 @@ def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
     words = {"eos": "end", "sentence": text}
     for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
         wires = signals.WIRING[signal]
-        moves = "the motion" if wires.joints == "clip" else "hold still"
+        moves = "as in the clip" if wires.joints == "clip" else "not at all"
         row[0].set_title(signal, loc="left", weight="bold", color=style.BLUE)
         row[1].set_title(f"query: {words[wires.query]}", loc="left", fontsize=9)
         for axis, wire, name, out in (
-            (row[0], wires.keys, "keys", f"words: {words[wires.words]}"),
-            (row[1], wires.video, "decoder's video", f"joints: {moves}"),
+            (row[0], wires.keys, "keys", f"says: {words[wires.words]}"),
+            (row[1], wires.video, "decoder's video", f"moves: {moves}"),
         ):
             axis.imshow(np.hstack(choose[wire]))
-            axis.set_xlabel(f"{name}\n$\\rightarrow$ {out}", loc="left")
+            axis.set_xlabel(name, loc="left", color=style.GREY)
+            axis.text(0, -0.62, out, va="top", transform=axis.transAxes)
             axis.set(xticks=[], yticks=[])
             axis.grid(False)
             axis.spines[:].set_visible(False)
@@ -81,10 +82,10 @@ def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
 
 def bars(rows: Mapping[str, float], label: str, chance: Sequence[float] = ()) -> Figure:
     """Percentages as bars below their names; a mark at the `chance` of each."""
-    figure, axis = plt.subplots(figsize=(style.WIDTH, 0.48 * len(rows) + 0.7))
-    axis.barh(range(len(rows)), rows.values(), color=style.BLUE, height=0.4)
+    figure, axis = plt.subplots(figsize=(style.WIDTH, 0.52 * len(rows) + 0.7))
+    axis.barh(range(len(rows)), rows.values(), color=style.BLUE, height=0.36)
     for y, (name, value) in enumerate(rows.items()):
-        axis.text(0, y - 0.4, name, va="center")
+        axis.text(0, y - 0.38, name, va="center")
         axis.text(min(value, 100) + 1, y, f"{value:.1f} %".replace(".0", ""), va="center")
     for y, level in enumerate(chance):
         for colour, width in (("white", 5), ("black", 2)):
@@ -117,7 +118,7 @@ def learning(losses: Sequence[float], floor: float, said: Mapping[int, str], tru
     figure, axis = plt.subplots(figsize=(style.WIDTH, 3.6))
     axis.plot(np.arange(1, len(losses) + 1), losses, color=style.BLUE)
     axis.axhline(floor, color=style.RED, linestyle=":")
-    axis.text(0, floor - 0.04, "what no network can avoid", color=style.RED, va="top")
+    axis.text(0, floor - 0.04, "what no network can avoid", color=style.ink(style.RED), va="top")
     top = max(losses)
     for place, (step, text) in enumerate(said.items()):  # each on a line of its own
         height = top * (1.5 - 0.13 * place)
