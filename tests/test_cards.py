@@ -43,9 +43,11 @@ def test_each_stored_model_has_a_card_with_its_scores():
         assert any("trainings: " in value for value in said.values()), name
 
 
-def test_a_card_takes_its_scores_from_the_tables():
+def test_a_card_takes_its_scores_and_size_from_the_tables():
     said = model_cards.card("weights/ptae.safetensors")
     table = pd.read_csv(artefacts.stored("results/family.csv"))
+    (size,) = table.query("variant == 'PTAE'")["parameters"].unique()
+    assert said["parameters"] == f"{size:,}"
     rows = table.query("data == 'recording' and variant == 'PTAE'")["execute_nrmse"]
     low, high = re.search(r"trainings: ([\d.]+) to ([\d.]+)", said["execute, NRMSE in %"]).groups()
     assert (float(low), float(high)) == (rows.min().round(2), rows.max().round(2))

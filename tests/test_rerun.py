@@ -4,6 +4,7 @@ import io
 import json
 import re
 import shutil
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -515,6 +516,19 @@ def test_a_share_is_that_of_the_slowest_command_also_before_it_has_begun(tmp_pat
     Path(second[progress.FILE]).write_text("0.45")
     (tmp_path / "other").write_text("")  # it is being written
     assert share_in(tmp_path) == 0.45
+
+
+def test_a_slow_command_counts_also_while_it_writes(tmp_path, monkeypatch):
+    monkeypatch.setenv(progress.FILE, str(tmp_path / "slow"))
+    (tmp_path / "fast").write_text("1")
+    progress.tell(0)
+    shares = (0.5 * k / 3000 for k in range(3001))
+    writer = threading.Thread(target=lambda: [progress.tell(share) for share in shares])
+    writer.start()
+    seen = []
+    while writer.is_alive():
+        seen.append(share_in(tmp_path))
+    assert len(seen) > 100 and seen == sorted(seen) and seen[-1] <= 0.5
 
 
 @pytest.mark.slow

@@ -173,7 +173,7 @@ def test_without_a_still_the_middle_frame_is_drawn():
 
 def test_the_caption_names_the_colours_and_the_faint_arm():
     shown = re.search('<div id="words">(.*?)</div>', make().html()).group(1)
-    assert shown == "Left cube: red. Right cube: blue."
+    assert shown == "Left cube, as the robot sees it: red. Right cube: blue."
     page = make(ghost_joints_rad=sequence()[0], ghost_name="a & b").html()
     assert "Faint orange arm: a &amp; b." in page
 
@@ -235,7 +235,7 @@ def test_on_the_site_a_scene_is_small_and_its_script_is_shared(recorded, static)
 def test_a_sample_names_what_it_shows(recorded):
     made = scene3d.sample_scene(recorded, 90)
     assert made.title == "NICO's left arm in 3-D: push green slowly, the right cube"
-    assert made.caption == "Left cube: blue. Right cube: green."
+    assert made.caption == "Left cube, as the robot sees it: blue. Right cube: green."
 
 
 def test_a_models_answer_may_be_longer_than_the_clip(recorded):

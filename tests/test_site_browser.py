@@ -153,7 +153,11 @@ def test_every_scene_draws_and_moves_when_played(browser, name):
         assert scenes
         for iframe in scenes:
             check_scene(page, iframe)
-            assert iframe.content_frame.locator("#words").inner_text().startswith("Left cube: ")
+            assert (
+                iframe.content_frame.locator("#words")
+                .inner_text()
+                .startswith("Left cube, as the robot sees it: ")
+            )
 
 
 def test_a_saved_scene_is_a_page_of_its_own(browser, tmp_path):

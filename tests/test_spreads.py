@@ -22,7 +22,7 @@ def test_each_panel_has_dots_means_and_levels():
     assert dots == [[10, 50], [10, 60], [20, 70], [20, 90]]
     assert mean == [[10, 55], [20, 80]] and other == [[10, 5]]
     assert [y for _, y in flat] == [99, 99]
-    assert right.get_xlabel() == "shown"
+    assert figure.axes[-1].get_xlabel() == "shown"
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == ["a", "b", "PCA"]
 

@@ -1,13 +1,18 @@
 """Figures for every reader: told apart by the colour-blind, the same bytes each time."""
 
+import base64
 import io
+import json
+import re
 from itertools import combinations
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from PIL import Image
 
+from ptae_lite.book.finding import ROOT
 from ptae_lite.plots import incongruence as incongruence_plots
 from ptae_lite.plots import style
 
@@ -80,3 +85,25 @@ def test_a_vector_figure_is_the_same_bytes_each_time():
         return file.getvalue()
 
     assert drawn() == drawn()
+
+
+def test_no_text_in_a_figure_is_too_small_for_a_phone():
+    sources = [*ROOT.glob("src/ptae_lite/*/*.py"), *ROOT.glob("book/**/*.md")]
+    size = re.compile(r"fontsize\W{1,4}([\d.]+)")
+    found = [(path.name, one) for path in sources for one in size.findall(path.read_text("utf-8"))]
+    assert found and not [one for one in found if float(one[1]) < 8.5]  # points
+
+
+def test_figures_of_all_pages_are_as_wide_as_a_phone_shows_them():
+    widths = []
+    for path in ROOT.glob("book/**/[0-9]*.ipynb"):
+        for cell in json.loads(path.read_text("utf-8"))["cells"]:
+            for output in cell.get("outputs", []):
+                data = output.get("data", {})
+                if "text/html" in data or "Viewer" in "".join(data.get("text/plain", "")):
+                    continue  # a panel or a scene; the image is what stands in for it
+                for kind in {"image/png", "image/jpeg"} & data.keys():
+                    image = Image.open(io.BytesIO(base64.b64decode("".join(data[kind]))))
+                    size = output["metadata"].get(kind, {})  # of images with two dots a pixel
+                    widths.append((path.stem, size.get("width", image.width)))
+    assert widths and not [one for one in widths if one[1] > 115 * style.WIDTH]

@@ -16,8 +16,10 @@ def tell(share: float) -> None:
     """Write how far this command is, from 0 to 1, if a re-run wants to know."""
     path = os.environ.get(FILE)
     if path:
+        new = Path(f"{path}.new")  # put in place whole: a reader would miss an empty file
         with suppress(OSError):  # the re-run may be gone
-            Path(path).write_text(str(share))
+            new.write_text(str(share))
+            new.replace(path)
 
 
 def environments(count: int) -> list[dict]:
@@ -35,6 +37,6 @@ def share_in(folder) -> float | None:
     """How far the slowest command is that writes to a folder, from 0 to 1; None if none does."""
     shares = []
     for path in Path(folder).iterdir():
-        with suppress(ValueError):  # it is being written
+        with suppress(ValueError, OSError):  # one that is being written
             shares.append(float(path.read_text()))
     return min(shares, default=None)

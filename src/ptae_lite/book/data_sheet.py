@@ -51,12 +51,13 @@ class Files:
     """The files of the recording: how each was made, from the manifest."""
 
     def _repr_html_(self) -> str:
-        rows = [
-            (name, f"{of['bytes'] / 1e6:.1f} MB", of["command"], made(of), of["sha256"][:12])
-            for name, of in artefacts.manifest().items()
-            if name.startswith(RECORDING)
-        ]
-        return table(("file", "size", "command", "made", "SHA-256 begins"), rows)
+        rows = []
+        for name, of in artefacts.manifest().items():
+            if name.startswith(RECORDING):
+                rows += [("file", name), ("size", f"{of['bytes'] / 1e6:.1f} MB"),
+                         ("made by", f"{of['command']}; {made(of)}"),
+                         ("SHA-256 begins", of["sha256"][:12])]  # fmt: skip
+        return table(("", ""), rows)
 
 
 def made(entry: dict) -> str:

@@ -104,11 +104,12 @@ def card(name: str) -> dict[str, str]:
     """What the card of a stored model says."""
     tensors, about = artefacts.load_weights(artefacts.stored(name))
     entry, of, recipe = artefacts.entry_of(name), kind(name), about.get("recipe") or {}
+    sizes = [t.numel() for key, t in tensors.items() if not key.startswith("scaling.")]
     said = {
         "file": f"{name}, {entry['bytes'] / 1e6:.1f} MB",
         "input": of.into,
         "output": of.out,
-        "parameters": f"{sum(tensor.numel() for tensor in tensors.values()):,}",
+        "parameters": f"{sum(sizes):,}",
         "made by": f"{entry['command']}; {made(entry)}",
         "recipe": ", ".join(
             f"{field.replace('_', ' ')} {_short(v)}" for field, v in recipe.items()

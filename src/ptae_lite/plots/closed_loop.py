@@ -95,9 +95,10 @@ def error_against_success(
     both = rates.merge(scores, on=["model", "seed"])
     figure, axis = plt.subplots(figsize=(style.WIDTH, 3.6))
     colours = (style.BLUE, style.SKY, style.GREY, style.RED, style.PURPLE, "black", style.GREEN)
-    for (model, name), mark, colour in zip(models.items(), "osD^vPX", colours, strict=False):
+    for (model, name), mark, colour in zip(models.items(), "osD^v+x", colours, strict=False):
         rows = both[both["model"] == model].sort_values("execute_nrmse", ascending=model in left)
-        axis.plot(rows["execute_nrmse"], rows["success"], mark, color=colour, markersize=7)
+        axis.plot(rows["execute_nrmse"], rows["success"], mark, color=colour, markersize=7,
+                  mfc="none", mew=1.6)  # hollow, so that none hides another  # fmt: skip
         last = rows.iloc[0]
         way, side = (-10, "right") if model in left else (10, "left")
         axis.annotate(name, (last["execute_nrmse"], last["success"]), (way, 0), ha=side,

@@ -28,14 +28,14 @@ def marks(
     """
     figure, axes = plt.subplots(figsize=(style.WIDTH, 0.62 * len(rows) + 0.8))
     series = list(next(iter(rows.values())))
-    colours = [style.MODELS.get(name, COLOURS[k]) for k, name in enumerate(series)]
+    colours = [style.of_model(name, COLOURS[k]) for k, name in enumerate(series)]
     wide = within[1] - within[0]
     for i, (name, row) in enumerate(rows.items()):
         values = list(row.values())
         start = min(values) if len(series) > 1 else within[0]
         axes.plot([start, max(values)], [i, i], color="#BBBBBB", lw=3 if len(series) == 1 else 1.6)
         axes.text(0, i - 0.3, name, va="center", transform=axes.get_yaxis_transform())
-        places = _apart(values, (0.055 + 0.015 * digits) * wide)
+        places = _apart(values, (0.08 + 0.005 * digits) * wide)
         for k, (value, place) in enumerate(zip(values, places, strict=True)):
             look = {"color": colours[k], "ms": 9 - 1.5 * k}  # so that none hides another
             axes.plot(value, i, MARKS[k], zorder=3, label=None if i else series[k], **look)

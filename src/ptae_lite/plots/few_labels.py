@@ -33,13 +33,13 @@ def strips(
     figure, grid = plt.subplots(len(panels), 1, figsize=size, squeeze=False, sharex=True)
     highest = max(max(values) for panel in panels.values() for values in panel.values())
     for axes, (title, panel) in zip(grid.flat, panels.items(), strict=True):
-        colour = style.MODELS.get(title, style.BLUE)
+        colour = style.of_model(title, style.BLUE)
         for i, values in enumerate(panel.values()):
             spread = 0.2 * np.sin(2.4 * np.arange(len(values)))  # so that equal dots stay apart
             axes.plot(values, i + spread, MARKS[i], color=colour, ms=5, alpha=0.6, mew=0)
             axes.plot([np.mean(values)] * 2, [i - 0.33, i + 0.33], color=colour, lw=2)
             axes.text(1.34 * highest, i, f"mean {np.mean(values):.0f}", color=style.ink(colour),
-                      ha="right", va="center")  # fmt: skip
+                      ha="right", va="center", bbox=style.PLAIN)  # fmt: skip
         if chance is not None:
             axes.axvline(chance, color=style.GREY, ls=":", lw=1.2)
             axes.text(chance, len(rows) - 0.52, " chance", color=style.GREY, va="bottom")
@@ -106,7 +106,7 @@ def by_share(
     figure, grid = plt.subplots(len(panels), 1, figsize=size, squeeze=False)
     for axes, (label, curves) in zip(grid.flat, panels.items(), strict=True):
         for k, (name, curve) in enumerate(curves.items()):
-            look = {"color": _colour(name, k), "marker": MARKS[k], "ms": 4.5}
+            look = {"color": style.of_model(name, COLOURS[k]), "marker": MARKS[k], "ms": 4.5}
             axes.plot(curve.index, curve, DASHES[k], **look)
         high = (top or {}).get(label, 105)
         in_legend = len(curves) > 3  # too many for the left end
@@ -118,17 +118,13 @@ def by_share(
             continue
         for y, (k, name) in _apart(curves, 0.075 * high).items():
             first = next(iter(curves[name].index))
-            colour = style.ink(_colour(name, k))
+            colour = style.ink(style.of_model(name, COLOURS[k]))
             axes.text(0.82 * first, y, name, color=colour, ha="right", va="center")
     axes.set_xlabel(x_label)
     for name, level in (levels or {}).items():
         axes.axhline(level, color=style.GREY, ls=":", lw=1.2)
-        axes.text(0.18, level, name, color=style.GREY, va="bottom")
+        axes.text(0.18, level, name, color=style.GREY, va="center", bbox=style.PLAIN)
     return style.closed(figure)
-
-
-def _colour(name: str, k: int) -> str:
-    return style.MODELS.get(name, COLOURS[k])
 
 
 def _apart(curves: Mapping[str, pd.Series], gap: float) -> dict[float, tuple[int, str]]:
@@ -153,7 +149,7 @@ def paired(points: pd.DataFrame, names: tuple[str, str], group: str, end: float 
     figure, axes = plt.subplots(figsize=(style.WIDTH, 4.2))
     axes.plot([0, end], [0, end], color=style.GREY, lw=1.2)
     _note(axes, 0.62 * end, 0.74 * end, f"{names[1].split(',')[0]} is better", "right")
-    _note(axes, 0.99 * end, 0.53 * end, f"{names[0].split(',')[0]} is better", "right")
+    _note(axes, 0.99 * end, 0.46 * end, f"{names[0].split(',')[0]} is better", "right")
     paint = plt.get_cmap("viridis")(np.linspace(0, 0.85, points[group].nunique()))
     shapes = ("o", "s", "^", "D", "v", "P", "X", "p")
     for (value, own), colour, shape in zip(points.groupby(group), paint, shapes, strict=False):

@@ -72,7 +72,7 @@ def softmax(scores: Mapping[str, float]) -> Figure:
     for axes, lengths, form in zip(row, (values, shares), ("{:.1f}", "{:.2f}"), strict=True):
         bars = axes.barh(list(scores), lengths, color=style.SKY)
         axes.bar_label(bars, [form.format(v) for v in lengths], padding=3)
-        axes.margins(x=0.2)
+        axes.margins(x=0.3)
     row[0].set(title="scores: any numbers")
     row[1].set(title="probabilities: sum 1")
     row[0].invert_yaxis()

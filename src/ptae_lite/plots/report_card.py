@@ -66,7 +66,7 @@ def card(rows: pd.DataFrame, run: bool = False) -> Figure:
 
 
 def by_group(rows: pd.DataFrame) -> Figure:
-    """How many claims of each group have which verdict: a square for each claim."""
+    """How many claims of each group have which verdict: a mark for each claim."""
     groups = list(dict.fromkeys(rows["group"]))
     figure, axis = plt.subplots(figsize=(style.WIDTH, 0.36 * len(groups) + 0.8))
     for y, group in enumerate(groups):

@@ -163,7 +163,7 @@ def lines(
     size = (style.WIDTH, 2.6 + 0.17 * -(-len(names) // columns))
     figure, axes = plt.subplots(figsize=size)
     for i, (name, (x, y)) in enumerate(curves.items()):
-        colour = colours[i] if colours else style.MODELS.get(name)
+        colour = colours[i] if colours else style.of_model(name)
         axes.plot(x, y, ("-", "--", "-.", ":")[i % 4], label=name, color=colour)
     for name, (x, y) in (dots or {}).items():
         axes.plot(x, y, "o", color="black", ms=4, label=name)

@@ -24,8 +24,11 @@ MODELS = {  # one colour a model, on all pages
 }  # fmt: skip
 _INK = {ORANGE: "#8A6000", GREEN: "#007A59", RED: "#B34E00", PURPLE: "#A3527E", SKY: "#2177B0"}
 
+PLAIN = {"fc": "white", "ec": "none", "pad": 0.5}  # behind a text that lines would cross
+
 WIDTH = 4.4  # inches; in this width a figure is read on a phone as on a laptop, without scaling
-DPI = 220  # of bitmaps: two dots a pixel of the page, sharp on a phone
+DPI = 200  # of bitmaps: two dots a pixel of the page, sharp on a phone
+PHOTO_DPI = 150  # of photos: four camera images side by side have no more dots
 
 RC = {
     "figure.figsize": (WIDTH, 2.8),
@@ -53,6 +56,11 @@ def use() -> None:
         set_matplotlib_formats("svg", metadata={"Date": None})
 
 
+def of_model(name: str, other: str | None = None) -> str | None:
+    """The colour of a model or of a variant of it, such as `PTAE, long`; `other` for all else."""
+    return MODELS.get(name.split(",")[0], other)
+
+
 def ink(colour: str) -> str:
     """The colour for text on white: as it is, or a darker one that is read more easily."""
     return _INK.get(colour, colour)
@@ -66,8 +74,13 @@ def closed(figure: Figure) -> Figure:
 
 def png(figure: Figure) -> bytes:
     """The figure as a PNG file of few colours. The same figure gives the same bytes."""
-    small, colours = io.BytesIO(), 128 if _has_pictures(figure) else 32
-    _image(figure).quantize(colours, dither=0).save(small, "PNG", optimize=True)
+    return few_colours(_image(figure), 128 if _has_pictures(figure) else 32)
+
+
+def few_colours(image: Image.Image, colours: int = 128) -> bytes:
+    """The image as a PNG file of so many colours."""
+    small = io.BytesIO()
+    image.convert("RGB").quantize(colours, dither=0).save(small, "PNG", optimize=True)
     return small.getvalue()
 
 
@@ -85,7 +98,7 @@ def chart(figure: Figure) -> DisplayedImage | SVG:
 def photo(figure: Figure) -> DisplayedImage:
     """The figure as a JPEG; for noisy images it has a fifth of the size of a PNG."""
     small = io.BytesIO()
-    _image(figure).save(small, "JPEG", quality=80, subsampling=0)
+    _image(figure, PHOTO_DPI).save(small, "JPEG", quality=75, optimize=True)
     return DisplayedImage(small.getvalue(), format="jpeg", retina=True)
 
 
@@ -93,9 +106,9 @@ def _has_pictures(figure: Figure) -> bool:
     return any(axes.images for axes in figure.axes)
 
 
-def _image(figure: Figure) -> Image.Image:
+def _image(figure: Figure, dpi: int = DPI) -> Image.Image:
     drawn = io.BytesIO()
-    _save(figure, drawn, format="png", dpi=DPI)
+    _save(figure, drawn, format="png", dpi=dpi)
     return Image.open(drawn).convert("RGB")
 
 

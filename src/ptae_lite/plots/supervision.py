@@ -70,7 +70,8 @@ def by_samples_seen(table: pd.DataFrame) -> Figure:
     figure, axis = plt.subplots(figsize=(style.WIDTH, 4.6))
     points, free = ["supervised_samples_seen", "describe_accuracy"], []
     for (name, rows), mark in zip(mine.groupby(kind), "os^Dv<>p", strict=False):
-        axis.plot(*(rows[column] for column in points), mark, fillstyle="none", label=name)
+        full = "full" if name == "all labels" else "none"
+        axis.plot(*(rows[column] for column in points), mark, fillstyle=full, label=name)
         for share, own in () if name == "all labels" else rows.groupby("share"):
             x, y = own[points].mean()
             if all(abs(np.log(x / u)) > 0.25 or abs(y - v) > 5 for u, v in free):

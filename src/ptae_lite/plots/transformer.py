@@ -64,16 +64,16 @@ def wiring(shots: Sequence[np.ndarray], text: str) -> Figure:
     words = {"eos": "end", "sentence": text}
     for row, signal in zip(axes, signals.PTAE_SIGNALS, strict=True):
         wires = signals.WIRING[signal]
-        moves = "as in the clip" if wires.joints == "clip" else "not at all"
+        moves = "the motion" if wires.joints == "clip" else "hold still"
         row[0].set_title(signal, loc="left", weight="bold", color=style.BLUE)
         row[1].set_title(f"query: {words[wires.query]}", loc="left", fontsize=9)
         for axis, wire, name, out in (
-            (row[0], wires.keys, "keys", f"says: {words[wires.words]}"),
-            (row[1], wires.video, "decoder's video", f"moves: {moves}"),
+            (row[0], wires.keys, "keys", f"words: {words[wires.words]}"),
+            (row[1], wires.video, "decoder's video", f"joints: {moves}"),
         ):
             axis.imshow(np.hstack(choose[wire]))
             axis.set_xlabel(name, loc="left", color=style.GREY)
-            axis.text(0, -0.62, out, va="top", transform=axis.transAxes)
+            axis.text(0, -0.52, out, va="top", transform=axis.transAxes)
             axis.set(xticks=[], yticks=[])
             axis.grid(False)
             axis.spines[:].set_visible(False)
@@ -96,6 +96,7 @@ def bars(rows: Mapping[str, float], label: str, chance: Sequence[float] = ()) ->
         figure.legend(loc="outside lower center")
     axis.set(xlabel=label, xlim=(0, 117), ylim=(len(rows) - 0.65, -0.65), yticks=[])
     axis.set_xticks(range(0, 101, 20))
+    axis.spines["left"].set_visible(False)  # it would cut the names
     return style.closed(figure)
 
 
@@ -207,7 +208,7 @@ def reaching(reached: pd.DataFrame) -> Figure:
         for (shift, marker), name in zip(looks, variants, strict=True):
             rows = reached[reached["variant"] == name]
             axis.plot(rows[column], rows["level"].map(levels.index) + shift, marker, alpha=0.8,
-                      color=style.MODELS[name.split(",")[0]], markersize=6, label=name)  # fmt: skip
+                      color=style.of_model(name), markersize=6, label=name)  # fmt: skip
         axis.set(xlabel="updates" if column == "updates" else "seconds of one core", xlim=(0, None))
         axis.locator_params(axis="x", nbins=4)
     axes[0].set_yticks(range(len(levels)), [f"{level} %" for level in levels])

@@ -26,6 +26,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from ptae_lite.errors import PTAEError
+from ptae_lite.plots.style import few_colours
 from ptae_lite.run_mode import is_static
 
 # Runs when a control of the panel moves: shows the frame for their positions. Positions with the
@@ -258,7 +259,8 @@ class Panel:
         at_start = self.frame(**self.start)
         at_start = getattr(at_start, "figure", at_start)
         if isinstance(at_start, Figure):
-            bundle["image/png"] = base64.b64encode(_saved(at_start, "png")).decode("ascii")
+            picture = few_colours(Image.open(io.BytesIO(_saved(at_start, "png"))))
+            bundle["image/png"] = base64.b64encode(picture).decode("ascii")
         return bundle
 
     def __repr__(self) -> str:

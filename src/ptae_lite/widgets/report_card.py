@@ -11,7 +11,7 @@ from IPython.display import HTML
 from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
 from ptae_lite.run_mode import for_site
 
-MARKS = {HELD: "●", CAVEAT: "◐", NOT_HELD: "○", NOT_TESTABLE: "–"}
+MARKS = {HELD: "●", CAVEAT: "◐", NOT_HELD: "○", NOT_TESTABLE: "✖"}
 COLUMNS = ("claim", "paper", "ours", "this run", "verdict")
 
 

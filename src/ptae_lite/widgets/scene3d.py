@@ -123,7 +123,7 @@ def arm_scene(
         "robot": (drawn, arm),
         "cubes": (_cube_shapes(colours), _cube_transforms(cubes)),
     }
-    caption = f"Left cube: {colours[0]}. Right cube: {colours[1]}."
+    caption = f"Left cube, as the robot sees it: {colours[0]}. Right cube: {colours[1]}."
     if ghost_joints_rad is not None:
         ghost = link_transforms(_checked("ghost_joints_rad", ghost_joints_rad, (count, 5)))
         fixed = ("torso", "head")

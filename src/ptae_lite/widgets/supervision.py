@@ -59,7 +59,7 @@ def card(table, said, mode: str, model: str, share: float, live=None) -> Card:
     for axis, column in zip(axes, LABELS, strict=True):
         draw_measure(axis, table, column, mode)
         if len(here):
-            axis.plot(share, here[column].mean(), "s", markersize=12, color=style.RED,
+            axis.plot(share, here[column].mean(), "H", markersize=14, color=style.RED,
                       fillstyle="none", markeredgewidth=2, label="here")  # fmt: skip
         if live is not None:
             axis.plot(share, live[0][column].iloc[0], "*", markersize=13, color=style.RED,

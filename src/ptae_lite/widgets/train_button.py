@@ -40,8 +40,8 @@ class TrainButton:
             button.disabled = True
             try:
                 made = self.work(tell=tell, **{n: c.value for n, c in controls.items()})
-                told = "The figure shows what was just made."
-                result.value = escape(made) if isinstance(made, str) else as_html(made, told)
+                label = "The figure shows what was just made."
+                result.value = escape(made) if isinstance(made, str) else as_html(made, label)
             except Exception:
                 result.value = f'<pre role="alert">{escape(traceback.format_exc())}</pre>'
                 raise  # a callback's error goes to a log that few readers open, so show it, too
