@@ -3,6 +3,9 @@
 import json
 from functools import partial
 from itertools import product
+from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import numpy as np
 import pytest
@@ -27,6 +30,7 @@ pytestmark = pytest.mark.browser
 PAGES = page_names()
 SCENE = 'iframe[data-ptae-embed="scene"]'
 PANEL = '[data-ptae-embed="panel"]'
+PAGE_BYTES = 1_500_000
 
 
 @pytest.fixture(scope="module")
@@ -262,6 +266,19 @@ def test_icons_are_drawn(browser):
     assert script.stat().st_size < 200_000
 
 
+@pytest.mark.parametrize("name", [name for name in PAGES if "/" not in name])
+def test_a_page_is_light_until_more_is_asked_for(browser, name):
+    """By the files that it loads, none of which is counted twice."""
+    loaded = set()
+    with opened(browser) as page:
+        page.on("response", lambda one: one.url.startswith("file:") and loaded.add(one.url))
+        go(page, name)
+        paths = [Path(url2pathname(urlsplit(url).path)) for url in loaded]
+        size = sum(path.stat().st_size for path in paths)
+        print(name, round(size / 1e6, 2), "MB")
+        assert len(paths) > 10 and size < PAGE_BYTES
+
+
 DRAWN = "one => one.tagName !== 'IMG' || one.naturalWidth > 0"
 
 
@@ -269,6 +286,7 @@ DRAWN = "one => one.tagName !== 'IMG' || one.naturalWidth > 0"
 def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
     with opened(browser) as page:
         go(page, name)
+        page.evaluate("document.querySelector('[data-late]') && lateFrames()")
         for panel in page.locator(PANEL).all():
             controls = controls_of(panel)
             shown, told = set(), set()

@@ -32,7 +32,8 @@ from ptae_lite.run_mode import is_static
 # Runs when a control of the panel moves: shows the frame for their positions. Positions with the
 # same content share a frame. A hidden frame with a scene is kept in a template, because browsers
 # also load hidden scenes, and keep only about 16 alive. A hidden drawing is deflated to a ninth of
-# its size, and unpacked when it is first shown. The code is an attribute and not a script, so it
+# its size, and unpacked when it is first shown. On the site, what is hidden comes when it is asked
+# for; see `book/late.py`. The code is an attribute and not a script, so it
 # needs no names that could occur twice on a page.
 _ON_INPUT = """
 let index = 0;
@@ -45,6 +46,10 @@ for (const row of this.querySelectorAll('[data-values]')) {
     output.value = values[position];
     control.setAttribute('aria-valuetext', values[position]);
   }
+}
+if (this.querySelector('[data-late]')) {
+  lateFrames().then(() => this.dispatchEvent(new Event('input')));
+  return;
 }
 this.querySelectorAll('[data-frame]').forEach((frame, i) => {
   const shown = i === order[index], kept = frame.querySelector(':scope > template');
