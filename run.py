@@ -31,6 +31,10 @@ NO_PYBULLET = (
     "Note: nothing can be recorded or acted out here, because PyBullet has wheels for Python 3.11 "
     "to 3.13 on Linux (x86-64), macOS and Windows only; everything else works."
 )
+NO_SCRIPTS = (
+    "Note: models cannot run in the site's pages, because the scripts of package.json could not be "
+    "installed (build/logs/install.log says why); the pages show stored answers instead."
+)
 # What another project sets for its Python, pytest or Jupyter, and would break ours by.
 FOREIGN = (
     "PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "PYTHONOPTIMIZE", "PYTHONWARNINGS",
@@ -39,6 +43,7 @@ FOREIGN = (
 )  # fmt: skip
 READER_GONE = 141  # the status of a program whose output nobody reads any more, as after `| head`
 INSTALLATION = Path("src", "ptae_lite", "book", "installation.py")  # makes it run this library
+SCRIPTS = Path("src", "ptae_lite", "live", "scripts.py")  # installs those of package.json
 DOCTOR = Path("src", "ptae_lite", "book", "doctor.py")  # a file: it runs before the library can
 JOBS = {  # the name of each, what does it, and its line in the help
     "book": ("ptae_lite.book.site", "run every chapter and build the site into build/html"),
@@ -97,9 +102,9 @@ def venv_version(root: Path = ROOT) -> tuple:
 
 
 def fingerprint(root: Path = ROOT) -> str:
-    """Changes when an installation would: it covers the two files that decide one."""
+    """Changes when an installation would: it covers the files that decide one."""
     digest = hashlib.sha256()
-    for name in ("environment.txt", "pyproject.toml"):
+    for name in ("environment.txt", "pyproject.toml", "package.json", "package-lock.json"):
         digest.update((root / name).read_bytes().replace(b"\r\n", b"\n"))
     return digest.hexdigest()
 
@@ -221,10 +226,13 @@ def ensure_environment(env: dict, root: Path = ROOT) -> Path:
                 "The packages could not be installed; build/logs/install.log says why, the job "
                 "`doctor` whether they can be here, and the same command tries again."
             )
+        no_scripts = call([python, SCRIPTS], env, stdout=file, stderr=file)
     write_stamp(root)
     say(f"Installed in {time.monotonic() - start:.0f} s.")
     if call([python, "-c", FIND_PYBULLET], env):
         say(NO_PYBULLET)
+    if no_scripts:
+        say(NO_SCRIPTS)
     return python
 
 

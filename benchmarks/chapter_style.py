@@ -33,6 +33,7 @@ RETOLD = [  # grows with each chapter that is rewritten
     "in_depth/05_conflict", "in_depth/06_acting", "in_depth/07_card",
 ]  # fmt: skip
 FOLDED = {"hide-input", "remove-input", "hide-cell", "remove-cell"}
+PANELS = ("Panel(", "TrainButton(", "LivePart('conflict'")  # the last lies over a panel
 COLUMNS = 79  # of a line of code that is shown
 TABLE_LINES = 4  # printed lines from which an output is a table
 # Which stored tables a chapter's text is about.
@@ -131,7 +132,7 @@ def shows_picture(output) -> bool:
         return True
     return bool(re.search(r"<(?:svg|img|iframe)\b", data.get("text/html", ""))) or text_of(
         output
-    ).startswith(("Panel(", "TrainButton("))
+    ).startswith(PANELS)
 
 
 def is_guess(output) -> bool:

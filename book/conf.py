@@ -13,7 +13,8 @@ import jupytext
 from sphinx.util import logging
 
 from ptae_lite import artefacts, run_mode
-from ptae_lite.book import chapters, marks, numbers
+from ptae_lite.book import chapters, icons, late, lighter, marks, numbers
+from ptae_lite.live import scripts
 from ptae_lite.widgets import viewer
 
 logger = logging.getLogger(__name__)
@@ -51,7 +52,7 @@ nb_mime_priority_overrides = [
 # --- text and formulas
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-mathjax_path = "vendor/tex-svg.js"
+mathjax_path = "vendor/mathjax.js"
 mathjax3_config = {"options": {"enableMenu": False}}  # the menu would load parts from elsewhere
 
 # --- the library's reference, from its docstrings
@@ -63,8 +64,13 @@ default_role = "code"  # `x` in a docstring, as in Markdown
 
 # --- the site
 html_static_path = ["_static"]
+html_favicon = "_static/icon.svg"  # or browsers ask a server for one that is not there
 html_css_files = ["book.css"]
 html_js_files = ["book.js"]
+# Live parts: each page has two small scripts, and the rest comes when a reader asks for it.
+asked = any("LivePart(" in page.read_text("utf-8") for page in Path(__file__).parent.glob("*.md"))
+if live := asked and not scripts.missing():
+    html_js_files += ["live/loader.js", "live/packs.js"]
 html_use_index = html_domain_indices = False  # the search does their work
 html_show_search_summary = False  # it would fetch pages, which a browser forbids in a folder
 html_theme = "sphinx_book_theme"
@@ -93,14 +99,26 @@ COLOUR_CODE = re.compile(r"\x1b\[[0-9;]*m")
 
 
 def copy_scripts(app) -> None:
-    """The two large scripts, each once: MathJax's one needed file of 24 MB, and the 3-D viewer."""
+    """The two large scripts, each once and packed: MathJax's one needed file, the 3-D viewer."""
     if app.builder.format != "html":
         return
     package = Path(importlib.util.find_spec("sphinx-mathjax-offline").origin).parent
     target = Path(app.outdir, "_static", mathjax_path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    shutil.copyfile(package / "static" / "mathjax" / "tex-svg.js", target)
-    Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(viewer.shared_script())
+    script = package / "static" / "mathjax" / "tex-svg.js"
+    target.write_bytes(lighter.packed(script.read_bytes(), "formulasReady"))
+    scene = lighter.packed(viewer.shared_script(), "sceneReady")
+    Path(app.outdir, viewer.SHARED_SCRIPT).write_bytes(scene)
+
+
+def write_live(app) -> None:
+    """What live parts load: models, runtimes, and the licences of the scripts by others."""
+    if asked and not live:
+        logger.info("The scripts of package.json are not installed: pages show stored answers.")
+    elif live and app.builder.name == "html":
+        from ptae_lite.live import files  # PyTorch's exporter takes seconds
+
+        files.write(Path(app.outdir, "_static", "live"))
 
 
 def ask_numbers(app, docname, source) -> None:
@@ -140,6 +158,12 @@ def halve(app, env, docnames) -> None:
     docnames[:] = [*docnames[::2], *docnames[1::2]]
 
 
+def drop_source_maps(app) -> None:
+    """The theme's maps to its own sources are an eighth of the site, and no page uses one."""
+    for path in Path(app.outdir, "_static").rglob("*.map"):
+        path.unlink()
+
+
 def how_it_ran(app, name: str) -> dict | None:
     """A chapter's seconds and its traceback; nothing for a page without code."""
     run = app.env.nb_metadata.get(name, {}).get("exec_data")
@@ -162,6 +186,11 @@ def finish(app, exception) -> None:
     if exception is not None or app.builder.format != "html":
         return
     copy_notebooks(app)
+    drop_source_maps(app)
+    if app.builder.name == "html":
+        icons.trim(app.outdir)
+        late.take(app.outdir)
+        lighter.lighten(app.outdir)
     found = {name: how_it_ran(app, name) for name in app.env.nb_metadata}
     record = {name: ran for name, ran in found.items() if ran}
     if any(ran["traceback"] for ran in record.values()):
@@ -175,6 +204,7 @@ def finish(app, exception) -> None:
 
 def setup(app) -> None:
     app.connect("builder-inited", copy_scripts)
+    app.connect("builder-inited", write_live)
     app.connect("env-before-read-docs", halve)
     app.connect("doctree-read", tell)
     app.connect("source-read", ask_numbers)

@@ -103,7 +103,7 @@ def opened(browser, width="laptop"):
 def go(page, name: str) -> None:
     page.goto((SITE / name).as_uri() if "?" not in name else f"{SITE.as_uri()}/{name}")
     page.wait_for_load_state("load")
-    page.evaluate("""Promise.race([window.MathJax?.startup?.promise,
+    page.evaluate("""Promise.race([window.formulasReady?.then(() => MathJax.startup.promise),
                                    new Promise(done => setTimeout(done, 20000))])""")
 
 

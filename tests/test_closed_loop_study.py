@@ -281,8 +281,8 @@ def test_the_box_acts_or_says_in_a_sentence_why_not(kept, monkeypatch):
     from ptae_lite.widgets import episodes as shown
 
     trained, encoder, made = kept
-    box = shown.Box(trained, encoder, made).widget()
-    scene, text, button, view = box.children
+    box = shown.Box({"it": trained, "another": trained}, encoder, made).widget()
+    who, scene, text, button, view = box.children
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
     text.value = "pull the red one"
     button.click()
@@ -303,4 +303,7 @@ def test_the_box_acts_or_says_in_a_sentence_why_not(kept, monkeypatch):
     text.value = "slide red slowly"
     button.click()
     assert "no PyBullet here" in view.value and button.disabled is False
+    text.value, who.value = "move-up red slowly", "another"
+    button.click()
+    assert "no PyBullet here" in view.value  # what is stored is the first one's
     assert scene.options == tuple(episodes.stages())

@@ -108,6 +108,13 @@ def test_pybullet_is_never_a_problem(root, version):
     assert found.state == GOOD and not found.mend
 
 
+def test_scripts_of_others_that_are_missing_are_a_warning_with_a_command():
+    found = doctor.check_scripts(["onnxruntime-web"])
+    assert found.state == WARNING and "onnxruntime-web is not installed" in found.says
+    assert found.mend.endswith("scripts.py") and (ROOT / found.mend.split()[-1]).is_file()
+    assert doctor.check_scripts([]).state == GOOD
+
+
 @pytest.mark.parametrize("system", doctor.NO_TORCH)
 def test_where_pytorch_has_no_wheel_that_is_the_problem(root, system, monkeypatch):
     monkeypatch.setattr(doctor.sys, "platform", system[0])

@@ -2,6 +2,7 @@
 
 import base64
 import re
+import zlib
 from html import unescape
 from itertools import product
 
@@ -41,6 +42,16 @@ def frames_in(html):
     return [frame for _, frame in found], [not hidden for hidden, _ in found]
 
 
+def unpacked(frame):
+    """A frame with its drawing as it was before it was laid away."""
+
+    def drawing(found):
+        drawn = zlib.decompress(base64.b64decode(found[1]))
+        return f'src="data:image/svg+xml;base64,{base64.b64encode(drawn).decode()}"'
+
+    return re.sub('data-packed="(.*?)"', drawing, frame)
+
+
 def controls_of(view):
     return {one.description: one for one in view.children if one.description}
 
@@ -62,16 +73,34 @@ def test_live_and_static_agree_at_every_position():
     assert len(frames) == len(SHARES) * len(SIGNALS)
     for frame, (share, signal) in zip(frames, product(SHARES, SIGNALS), strict=True):
         controls["share"].value, controls["signal"].value = share, signal
-        assert frame_of(view).value == frame
+        assert frame_of(view).value == unpacked(frame)
+
+
+def test_hidden_drawings_are_packed_and_the_first_is_not():
+    made = panel().html()
+    frames, shown = frames_in(made)
+    assert [("data-packed" in frame) for frame in frames] == [not one for one in shown]
+    assert len(made) < 0.6 * len(unpacked(made))
 
 
 def test_frames_are_scalable_pictures_with_their_own_alternative_text():
     frames, _ = frames_in(panel().html())
     for frame, (share, signal) in zip(frames, product(SHARES, SIGNALS), strict=True):
         assert unescape(re.search('alt="(.*?)"', frame).group(1)) == describe(share, signal)
-        picture = re.search('src="data:image/svg\\+xml;base64,(.*?)"', frame).group(1)
+        picture = re.search('src="data:image/svg\\+xml;base64,(.*?)"', unpacked(frame)).group(1)
         assert b"<svg" in base64.b64decode(picture)
     assert len(set(frames)) == len(frames)
+
+
+def test_a_figure_with_pictures_is_no_drawing():
+    def show(n):
+        figure, axes = plt.subplots(figsize=(3, 3))
+        axes.imshow(np.random.default_rng(n).random((200, 200, 3)))
+        return figure
+
+    frames, _ = frames_in(Panel(show, [1, 2], "Pictures").html())
+    assert all('src="data:image/webp;base64,' in frame for frame in frames)
+    assert frames == frames_in(Panel(show, [1, 2], "Pictures").html())[0]
 
 
 def test_positions_that_show_the_same_share_a_frame():

@@ -25,6 +25,8 @@ def root(tmp_path):
     """A repository with an empty virtual environment, as far as the script can see."""
     (tmp_path / "environment.txt").write_text("numpy==1.0\n")
     (tmp_path / "pyproject.toml").write_text("[project]\n")
+    for name in ("package.json", "package-lock.json"):
+        (tmp_path / name).write_text("{}\n")
     (tmp_path / ".venv").mkdir()
     (tmp_path / ".venv" / "pyvenv.cfg").write_text("home = here\nversion = 3.11.7\n")
     return tmp_path
@@ -98,11 +100,12 @@ def test_first_installation_makes_the_environment_once(calls, root, capsys):
     assert "Installing environment.txt" in capsys.readouterr().out
 
     assert run.ensure_environment({}, root) == python
-    assert len(calls) == 4  # the fourth looks for PyBullet; nothing changed, nothing done
+    assert (run.ROOT / calls[3][-1]).name == "scripts.py"
+    assert len(calls) == 5  # the fifth looks for PyBullet; nothing changed, nothing done
 
     (root / "environment.txt").write_text("numpy==2.0\n")
     run.ensure_environment({}, root)
-    assert len(calls) == 7  # both installations again, the environment itself stays
+    assert len(calls) == 9  # all installations again, the environment itself stays
 
 
 def test_a_new_python_gets_packages_of_its_own(calls, root):
@@ -113,7 +116,7 @@ def test_a_new_python_gets_packages_of_its_own(calls, root):
     shutil.rmtree(run.venv_python(root).parent)
     del calls[:]
     run.ensure_environment({}, root)
-    assert "--clear" in calls[0] and len(calls) == 4
+    assert "--clear" in calls[0] and len(calls) == 5
 
 
 def test_an_environment_that_was_moved_is_made_to_fit_and_said_to_be(calls, root, capsys):
@@ -206,7 +209,24 @@ def test_what_is_missed_without_pybullet_is_said(there, calls, root, monkeypatch
     assert ("nothing can be recorded" in capsys.readouterr().out) is not there
 
 
-@pytest.mark.parametrize("name", ["environment.txt", "pyproject.toml"])
+@pytest.mark.parametrize("works", [True, False])
+def test_without_the_scripts_of_others_the_book_is_made_and_says_so(
+    works, calls, root, monkeypatch, capsys
+):
+    def call(command, env, **streams):
+        failed = run.SCRIPTS in command and not works
+        return 1 if failed else made(command, env, **streams)
+
+    made = run.call
+    monkeypatch.setattr(run, "call", call)
+    run.ensure_environment({}, root)
+    assert (run.NO_SCRIPTS in capsys.readouterr().out) is not works
+    assert run.is_installed(root)  # no job waits for a network again
+
+
+@pytest.mark.parametrize(
+    "name", ["environment.txt", "pyproject.toml", "package.json", "package-lock.json"]
+)
 def test_the_fingerprint_covers(name, root):
     before = run.fingerprint(root)
     (root / name).write_text("other\n")

@@ -118,7 +118,8 @@ def test_style_sheets_load_nothing_from_elsewhere():
 @pytest.mark.browser
 def test_the_site_is_small():
     megabytes = sum(path.stat().st_size for path in SITE.rglob("*") if path.is_file()) / 1e6
-    assert 1 < megabytes < 40
+    assert 1 < megabytes < 45
+    assert not list(SITE.rglob("*.map"))  # of the theme's own sources
 
 
 @pytest.mark.browser

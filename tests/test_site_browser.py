@@ -1,7 +1,11 @@
 """The built site in Chromium, offline and from its folder: pages, scenes, panels, print, search."""
 
 import json
+from functools import partial
 from itertools import product
+from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import numpy as np
 import pytest
@@ -26,6 +30,7 @@ pytestmark = pytest.mark.browser
 PAGES = page_names()
 SCENE = 'iframe[data-ptae-embed="scene"]'
 PANEL = '[data-ptae-embed="panel"]'
+PAGE_BYTES = 1_500_000
 
 
 @pytest.fixture(scope="module")
@@ -248,10 +253,40 @@ def put(control, position):
         control.press("ArrowRight")
 
 
+def test_icons_are_drawn(browser):
+    """Those that the theme puts into a page; the others are left out of its script."""
+    with opened(browser) as page:
+        page.goto((SITE / "index.html").as_uri())
+        page.locator("svg[data-icon]").first.wait_for(state="attached")
+        drawn = page.locator("svg[data-icon] path").evaluate_all(
+            "all => all.map(one => one.getAttribute('d')?.length ?? 0)")  # fmt: skip
+        assert len(drawn) > 8 and min(drawn) > 10
+        assert page.locator("i[class*='fa-'], svg[data-icon=missing], .fa-missing").count() == 0
+    script = SITE / "_static" / "scripts" / "fontawesome.js"
+    assert script.stat().st_size < 200_000
+
+
+@pytest.mark.parametrize("name", [name for name in PAGES if "/" not in name])
+def test_a_page_is_light_until_more_is_asked_for(browser, name):
+    """By the files that it loads, none of which is counted twice."""
+    loaded = set()
+    with opened(browser) as page:
+        page.on("response", lambda one: one.url.startswith("file:") and loaded.add(one.url))
+        go(page, name)
+        paths = [Path(url2pathname(urlsplit(url).path)) for url in loaded]
+        size = sum(path.stat().st_size for path in paths)
+        print(name, round(size / 1e6, 2), "MB")
+        assert len(paths) > 10 and size < PAGE_BYTES
+
+
+DRAWN = "one => one.tagName !== 'IMG' || one.naturalWidth > 0"
+
+
 @pytest.mark.parametrize("name", with_embeds(PANEL) if PAGES else [])
 def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
     with opened(browser) as page:
         go(page, name)
+        page.evaluate("document.querySelector('[data-late]') && lateFrames()")
         for panel in page.locator(PANEL).all():
             controls = controls_of(panel)
             shown, told = set(), set()
@@ -267,6 +302,7 @@ def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
                 shown.add(frame.inner_html())
                 picture = frame.locator("img:visible, iframe")
                 if picture.count():
+                    until(partial(picture.first.evaluate, DRAWN), message="it is not drawn")
                     text = picture.first.get_attribute("alt") or picture.first.get_attribute(
                         "title"
                     )

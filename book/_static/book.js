@@ -22,3 +22,24 @@ function tellWhatScrolls() {
 }
 addEventListener("load", tellWhatScrolls);
 addEventListener("resize", tellWhatScrolls);
+
+// What panels hide at first is loaded when a reader comes to one.
+let late;
+const lateFrames = () => late ??= new Promise((done, failed) => {
+  const tag = document.createElement("script");
+  tag.src = document.documentElement.dataset.lateScript;
+  tag.onload = done;
+  tag.onerror = failed;
+  document.head.append(tag);
+});
+function takeLate(texts) {
+  for (const one of document.querySelectorAll("[data-late]")) {
+    if (one.tagName === "TEMPLATE") one.innerHTML = texts[one.dataset.late];
+    else one.dataset.packed = texts[one.dataset.late];
+    one.removeAttribute("data-late");
+  }
+}
+for (const kind of ["pointerover", "focusin"])
+  addEventListener(kind, event => {
+    if (event.target.closest?.("[data-ptae-embed=panel]")?.querySelector("[data-late]")) lateFrames();
+  });

@@ -33,6 +33,7 @@ from ptae_lite.book.finding import (
     python,
     starter,
 )
+from ptae_lite.live import scripts
 from ptae_lite.pipes import piped
 
 MINIMUM = (3, 11)
@@ -202,6 +203,16 @@ def _pybullet_works() -> bool:
     return subprocess.run(command, capture_output=True).returncode == 0
 
 
+def check_scripts(missing=None) -> Finding:
+    """Whether the scripts of package.json are there, on which live parts of the site run."""
+    missing = scripts.missing() if missing is None else missing
+    if not missing:
+        return Finding("scripts", GOOD, "as package-lock.json says: models run in the site's pages")
+    says = f"{missing[0]} is not installed: pages of the site show stored answers"
+    mend = f"{python()} {Path(scripts.__file__).relative_to(ROOT)}"
+    return Finding("scripts", WARNING, says, mend)
+
+
 def _hashes(data: Path) -> dict[str, str]:
     entries = json.loads((data / "MANIFEST.json").read_text(encoding="utf-8"))
     return {name: entry["sha256"] for name, entry in entries.items()}
@@ -251,7 +262,7 @@ def mend_line_endings(root: Path = ROOT) -> list[str]:
 def examine() -> list[Finding]:
     """All findings."""
     packages = check_packages()
-    parts = [check_widgets(), check_pybullet()] if installed("torch") else []
+    parts = [check_widgets(), check_pybullet(), check_scripts()] if installed("torch") else []
     own = [check_python(), packages, check_library(), *parts]
     return [*own, *machine.examine(), *check_data()]
 

@@ -26,6 +26,15 @@ AWAY_RAD, HOME_RAD = 0.2, 0.08  # the largest joint difference from home
 AT_REST = 3  # frames at home in a row
 SLOW_FROM = 75  # frames: in the middle between the fast motion's 50 and the slow one's 100
 TRAVEL_MM, OTHER_MM = 40.0, 10.0  # what the named cube must do, and the other must not
+DONE = "done"
+WRONG = {  # what can go wrong; of several, the first is the reason
+    "joint": "a joint at its limit",
+    "other": "the other cube was moved",
+    "travel": "the cube went too little that way",
+    "home": "it did not come home",
+    "speed": "the wrong speed",
+    "fell": "the cube fell off the table",
+}
 
 Look = Callable[[], np.ndarray]  # the camera's image now, (120, 160, 3) uint8
 Act = Callable[[Look, np.ndarray], np.ndarray]
@@ -126,9 +135,9 @@ def replay(joints_rad: Float[np.ndarray, "T 5"]) -> Act:
 def judge(episode: Episode, action: str, side: str, speed: str) -> Verdict:
     """Judge an episode by the command.
 
-    Moved distances are those between the first and the last frame. The reason is the first that
-    applies, in the order of the list in the code. A cube that falls off the table has moved far
-    enough, so this has a reason of its own.
+    Moved distances are those between the first and the last frame. The reason is the first of
+    `WRONG` that applies. A cube that falls off the table has moved far enough, so this has a reason
+    of its own.
     """
     moved_mm = 1000 * (episode.cubes[-1, :, :2] - episode.cubes[0, :, :2])
     named = SIDES.index(side)
@@ -136,12 +145,12 @@ def judge(episode: Episode, action: str, side: str, speed: str) -> Verdict:
     other = float(np.linalg.norm(moved_mm[1 - named]))
     frames = len(episode.joints_rad)
     wrong = {
-        "a joint at its limit": episode.stopped == "joint",
-        "the other cube was moved": other >= OTHER_MM,
-        "the cube went too little that way": along < TRAVEL_MM,
-        "it did not come home": episode.stopped == "limit",
-        "the wrong speed": (frames >= SLOW_FROM) != (speed == "slowly"),
-        "the cube fell off the table": bool(episode.cubes[-1, named, 2] < TABLE_TOP_M),
+        "joint": episode.stopped == "joint",
+        "other": other >= OTHER_MM,
+        "travel": along < TRAVEL_MM,
+        "home": episode.stopped == "limit",
+        "speed": (frames >= SLOW_FROM) != (speed == "slowly"),
+        "fell": bool(episode.cubes[-1, named, 2] < TABLE_TOP_M),
     }
-    reason = next((name for name, so in wrong.items() if so), "done")
-    return Verdict(reason == "done", reason, along, other, frames)
+    reason = next((text for name, text in WRONG.items() if wrong[name]), DONE)
+    return Verdict(reason == DONE, reason, along, other, frames)

@@ -39,9 +39,11 @@ COLOUR_RGBA = {
     "violet": (0.58, 0.10, 0.85, 1.0),
 }
 
+GRAVITY_M_S2 = (0, 0, -9.81)
 MOTOR_FORCE_N_M = 50.0
-POSITION_GAIN = 0.5
+POSITION_GAIN, VELOCITY_GAIN = 0.5, 1.0
 VERTICAL_VIEW_DEG = 42.0
+NEAR_M, FAR_M = 0.02, 3.0  # what the camera sees
 LIGHT = {"lightDirection": (0.3, 0.6, 1.5), "lightAmbientCoeff": 0.6, "lightDiffuseCoeff": 0.5,
          "lightSpecularCoeff": 0.0}  # fmt: skip
 
@@ -85,7 +87,7 @@ class Scene:
         self._p = p = pybullet()
         self._client = p.connect(p.DIRECT)
         self._at = {"physicsClientId": self._client}
-        p.setGravity(0, 0, -9.81, **self._at)
+        p.setGravity(*GRAVITY_M_S2, **self._at)
         p.setTimeStep(1 / (FRAMES_PER_S * SUBSTEPS), **self._at)
         for shape in TABLE_SHAPES:
             table = self._box(shape.size, shape.xyz, shape.rgba, mass_kg=0)
@@ -154,7 +156,9 @@ class Scene:
         forward, up = head[:3, 0], head[:3, 2]
         view = p.computeViewMatrix(eye[:3], eye[:3] + forward, up, **self._at)
         aspect = IMAGE_WIDTH / IMAGE_HEIGHT
-        return view, p.computeProjectionMatrixFOV(VERTICAL_VIEW_DEG, aspect, 0.02, 3.0, **self._at)
+        return view, p.computeProjectionMatrixFOV(
+            VERTICAL_VIEW_DEG, aspect, NEAR_M, FAR_M, **self._at
+        )
 
     def image(self) -> UInt8[np.ndarray, "120 160 3"]:
         """What the right eye sees now."""
@@ -200,7 +204,7 @@ class Scene:
                 targetVelocities=speed,
                 forces=[MOTOR_FORCE_N_M] * len(self._joints),
                 positionGains=[POSITION_GAIN] * len(self._joints),
-                velocityGains=[1.0] * len(self._joints), **self._at,
+                velocityGains=[VELOCITY_GAIN] * len(self._joints), **self._at,
             )  # fmt: skip
             p.stepSimulation(**self._at)
             for side, cube in enumerate(self.cube_ids):

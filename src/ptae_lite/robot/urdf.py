@@ -7,6 +7,7 @@ import xml.etree.ElementTree as xml
 from ptae_lite.robot import arm
 
 LINK_MASS_KG = 0.3  # motors hold the arm, so its mass hardly matters
+LINK_INERTIA_KG_M2 = "1e-4"  # about each axis; text, as the recording's fingerprint is of text
 
 
 def _numbers(values) -> str:
@@ -32,8 +33,8 @@ def _link(robot, name: str):
     link = xml.SubElement(robot, "link", name=name)
     inertial = xml.SubElement(link, "inertial")
     xml.SubElement(inertial, "mass", value=f"{LINK_MASS_KG:g}")
-    small = {"ixx": "1e-4", "iyy": "1e-4", "izz": "1e-4", "ixy": "0", "ixz": "0", "iyz": "0"}
-    xml.SubElement(inertial, "inertia", small)
+    about = dict.fromkeys(("ixx", "iyy", "izz"), LINK_INERTIA_KG_M2)
+    xml.SubElement(inertial, "inertia", about | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
     for shape in arm.SHAPES:
         if shape.link != name:
             continue

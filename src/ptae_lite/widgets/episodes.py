@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 
 import ipywidgets
+import numpy as np
 from torch import nn
 
 from ptae_lite.errors import PTAEError, RobotError
@@ -18,24 +20,40 @@ from ptae_lite.widgets.scene3d import arm_scene
 from ptae_lite.widgets.viewer import Viewer
 
 WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to the right"}
+TEXTS = {  # of a verdict; also for the page that acts by itself
+    "verdict": "{how}. The {colour} cube ({side}) {named}, the other one {other}; {pace}.",
+    "absent": "There is no {colour} cube here; the left one {left}, the right {right} ({pace}).",
+    "done": "Done as the sentence says",
+    "not_done": "NOT done: {reason}",
+    "went": "went {mm} mm {way}",
+    "moved": "moved {mm} mm",
+    "fell": "fell off the table",
+    "pace": "{frames} frames, {speed} asked for",
+}
 
 
 def verdict_text(kept: StoredEpisode) -> str:
     """The verdict as a sentence."""
     meaning, verdict = parse(kept.instruction), kept.verdict
     side = side_of(kept.stage, meaning)
-    pace = f"{verdict.frames} frames, {meaning.speed} asked for"
-    fell = kept.episode.cubes[-1, :, 2] < TABLE_TOP_M
+    pace = TEXTS["pace"].format(frames=verdict.frames, speed=meaning.speed)
+    cubes = kept.episode.cubes
+    fell = cubes[-1, :, 2] < TABLE_TOP_M
     if side is None:
-        return f"There is no {meaning.colour} cube here, whatever the arm did ({pace})."
+        far_mm = 1000 * np.linalg.norm(cubes[-1, :, :2] - cubes[0, :, :2], axis=1)
+        left, right = (
+            TEXTS["fell"] if off else TEXTS["moved"].format(mm=f"{far:.0f}")
+            for off, far in zip(fell, far_mm, strict=True)
+        )
+        return TEXTS["absent"].format(colour=meaning.colour, left=left, right=right, pace=pace)
     named = SIDES.index(side)
-    went = f"went {verdict.named_mm:.0f} mm {WAY[meaning.action]}"
-    moved = f"moved {verdict.other_mm:.0f} mm"
-    return (
-        f"{'Done as the sentence says' if verdict.success else 'NOT done: ' + verdict.reason}. The "
-        f"{meaning.colour} cube ({side}) {'fell off the table' if fell[named] else went}, "
-        f"the other one {'fell off the table' if fell[1 - named] else moved}; {pace}."
-    )
+    went = TEXTS["went"].format(mm=f"{verdict.named_mm:.0f}", way=WAY[meaning.action])
+    moved = TEXTS["moved"].format(mm=f"{verdict.other_mm:.0f}")
+    return TEXTS["verdict"].format(
+        how=TEXTS["done" if verdict.success else "not_done"].format(reason=verdict.reason),
+        colour=meaning.colour, side=side, named=TEXTS["fell"] if fell[named] else went,
+        other=TEXTS["fell"] if fell[1 - named] else moved, pace=pace,
+    )  # fmt: skip
 
 
 class Shown:
@@ -104,13 +122,23 @@ class Box:
     """A box for typing a sentence, and the arm that does it.
 
     A page without a kernel shows a note instead; the panel of stored episodes works there.
+
+    Args:
+        policies: models that can act, by name.
+        kept: episodes of the first, for where there is no simulator.
     """
 
-    def __init__(self, trained: Trained, encoder: nn.Module, kept: list[StoredEpisode]):
-        self.ask = lambda scene, text: answer(trained, encoder, kept, scene, text)
+    def __init__(
+        self, policies: Mapping[str, Trained], encoder: nn.Module, kept: list[StoredEpisode]
+    ):
+        self.names = tuple(policies)
+        self.ask = lambda name, scene, text: answer(
+            policies[name], encoder, kept if name == self.names[0] else [], scene, text
+        )
 
     def widget(self) -> ipywidgets.VBox:
-        """Scene, sentence and button, and below them what the arm did."""
+        """Policy, scene, sentence and button, and below them what the arm did."""
+        who = ipywidgets.Dropdown(options=self.names, description="who acts")
         scene = ipywidgets.Dropdown(options=list(stages()), description="cubes")
         text = ipywidgets.Combobox(
             value="push red slowly", description="sentence", ensure_option=False,
@@ -122,14 +150,14 @@ class Box:
         def act(_click) -> None:
             button.disabled = True
             try:
-                view.value = self.ask(scene.value, text.value)._repr_html_()
+                view.value = self.ask(who.value, scene.value, text.value)._repr_html_()
             except PTAEError as error:
                 view.value = f'<p role="alert">{escape(str(error))}</p>'
             finally:
                 button.disabled = False
 
         button.on_click(act)
-        return ipywidgets.VBox([scene, text, button, view])
+        return ipywidgets.VBox([who, scene, text, button, view])
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
         if is_static():

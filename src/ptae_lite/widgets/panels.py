@@ -11,7 +11,9 @@ import base64
 import inspect
 import io
 import json
+import re
 import traceback
+import zlib
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
 from itertools import product
@@ -29,8 +31,10 @@ from ptae_lite.run_mode import is_static
 
 # Runs when a control of the panel moves: shows the frame for their positions. Positions with the
 # same content share a frame. A hidden frame with a scene is kept in a template, because browsers
-# also load hidden scenes, and keep only about 16 alive. The code is an attribute and not a script,
-# so it needs no names that could occur twice on a page.
+# also load hidden scenes, and keep only about 16 alive. A hidden drawing is deflated to a ninth of
+# its size, and unpacked when it is first shown. On the site, what is hidden comes when it is asked
+# for; see `book/late.py`. The code is an attribute and not a script, so it
+# needs no names that could occur twice on a page.
 _ON_INPUT = """
 let index = 0;
 const order = JSON.parse(this.dataset.order);
@@ -43,6 +47,10 @@ for (const row of this.querySelectorAll('[data-values]')) {
     control.setAttribute('aria-valuetext', values[position]);
   }
 }
+if (this.querySelector('[data-late]')) {
+  lateFrames().then(() => this.dispatchEvent(new Event('input')));
+  return;
+}
 this.querySelectorAll('[data-frame]').forEach((frame, i) => {
   const shown = i === order[index], kept = frame.querySelector(':scope > template');
   if (shown && kept) frame.replaceChildren(kept.content.cloneNode(true));
@@ -51,9 +59,19 @@ this.querySelectorAll('[data-frame]').forEach((frame, i) => {
     away.innerHTML = frame.innerHTML;
     frame.replaceChildren(away);
   }
+  for (const image of shown ? frame.querySelectorAll('img[data-packed]') : []) {
+    const packed = Uint8Array.from(atob(image.dataset.packed), letter => letter.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
+    new Response(stream).arrayBuffer().then(drawn => {
+      image.src = URL.createObjectURL(new Blob([drawn], {type: 'image/svg+xml'}));
+    });
+    image.removeAttribute('data-packed');
+  }
   frame.hidden = !shown;
 });
 """
+SHARP_DPI = 150  # of a figure with pictures
+_DRAWING = re.compile(r'src="data:image/svg\+xml;base64,([^"]+)"')
 
 # Gives a screen reader what is written beside the sliders of a widget: their names and values.
 # ipywidgets gives it no names, and positions instead of values.
@@ -258,16 +276,25 @@ class Panel:
 def as_html(made: Any, description: str) -> str:
     """HTML of a figure (with its description), of a text, or of an object with `_repr_html_`."""
     if isinstance(made, Figure):
-        picture = base64.b64encode(_saved(made, "svg")).decode("ascii")
+        kind, picture = "svg+xml", _saved(made, "svg")
+        if any(axes.images for axes in made.axes):  # camera's pictures: a fifth of the size
+            kind, picture = "webp", _webp(made)
+        coded = base64.b64encode(picture).decode("ascii")
         return (
             f'<img style="max-width:100%" alt="{escape(description)}" '
-            f'src="data:image/svg+xml;base64,{picture}">'
+            f'src="data:image/{kind};base64,{coded}">'
         )
     return f"<pre>{escape(made)}</pre>" if isinstance(made, str) else made._repr_html_()
 
 
 def _laid_away(face: str) -> str:
-    return f"<template>{face}</template>" if "<iframe" in face else face
+    """A frame that is hidden at first, so that it takes little room and loads nothing."""
+    return f"<template>{face}</template>" if "<iframe" in face else _DRAWING.sub(_packed, face)
+
+
+def _packed(source: re.Match) -> str:
+    drawn = zlib.compress(base64.b64decode(source[1]), 9)
+    return f'data-packed="{base64.b64encode(drawn).decode("ascii")}"'
 
 
 def _saved(figure: Figure, kind: str) -> bytes:
@@ -277,6 +304,13 @@ def _saved(figure: Figure, kind: str) -> bytes:
     with plt.rc_context({"svg.hashsalt": "ptae_lite"}):
         figure.savefig(file, format=kind, metadata=metadata)
     return file.getvalue()
+
+
+def _webp(figure: Figure) -> bytes:
+    drawn, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=SHARP_DPI)
+    Image.open(drawn).convert("RGB").save(small, "WEBP", quality=85, method=6)
+    return small.getvalue()
 
 
 def _all_numbers(values: list) -> bool:

@@ -78,7 +78,23 @@ class Viewer:
         Args:
             shared: use the site's shared script; else the page is complete in itself.
         """
-        scene = {
+        parts = {
+            "SCENE": _pack(json.dumps(self.described(), separators=(",", ":")).encode()),
+            "MOVES": _pack(_steps(self.poses).astype("<i2").tobytes()),
+            # last: the others cannot hold an @, these can
+            "CAPTION": html.escape(self.caption),
+            "TITLE": html.escape(self.title),
+        }
+        library = "" if shared else _pack(_library())
+        player = _SHARED_PLAYER if shared else f"<script>\n{_read('viewer.js')}</script>"
+        page = template(library, player)
+        for name, text in parts.items():
+            page = page.replace(f"@{name}@", text)
+        return page
+
+    def described(self) -> dict:
+        """The scene without its movement: what the page's script reads first."""
+        return {
             "commands": self.commands,
             "moving": self.moving,
             "last": len(self.poses) - 1,
@@ -89,19 +105,6 @@ class Viewer:
             "eye": self.eye and _film(self.eye),
             "autoplay": self.autoplay,
         }
-        parts = {
-            "VIEWER": "" if shared else _pack(_library()),
-            "PLAYER": _SHARED_PLAYER if shared else f"<script>\n{_read('viewer.js')}</script>",
-            "SCENE": _pack(json.dumps(scene, separators=(",", ":")).encode()),
-            "MOVES": _pack(_steps(self.poses).astype("<i2").tobytes()),
-            # last: the others cannot hold an @, these can
-            "CAPTION": html.escape(self.caption),
-            "TITLE": html.escape(self.title),
-        }
-        page = _read("viewer.html")
-        for name, text in parts.items():
-            page = page.replace(f"@{name}@", text)
-        return page
 
     def save(self, path: str | Path) -> Path:
         """Write the complete page to a file, and return its path."""
@@ -140,6 +143,16 @@ class Viewer:
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, {len(self.poses)} frames, {self.frames_per_s:g} per second)"
+
+
+def template(library: str, player: str) -> str:
+    """The page with its scripts; @SCENE@, @MOVES@, @CAPTION@ and @TITLE@ are still to fill.
+
+    Args:
+        library: meshcat's viewer, packed, where the player does not bring it.
+        player: the element with the script that plays the scene.
+    """
+    return _read("viewer.html").replace("@VIEWER@", library).replace("@PLAYER@", player)
 
 
 def _steps(poses: Float[np.ndarray, "T M 4 4"]) -> np.ndarray:

@@ -1,0 +1,102 @@
+"""Pages load less: no search where none is, pictures when they come near, a packed MathJax."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from functools import cache
+from pathlib import Path
+
+from PIL import Image
+
+from ptae_lite.live.packing import BITS, FIRST, letters
+
+# The theme loads the search with every page, for a search while one types, which is not used here.
+SEARCH = re.compile(
+    r'[ \t]*<script src="[^"]*(?:searchtools|language_data|searchindex|sphinx_highlight)\.js[^"]*">'
+    r"</script>\n?"
+)
+PICTURE = re.compile(r'<img\b(?![^>]*\sloading=)[^>]*?\ssrc="([^":]+)"[^>]*?(?=\s*/?>)')
+SIZE = re.compile(r"""<svg\b[^>]*?\sviewBox=["'][\d.-]+ [\d.-]+ ([\d.]+) ([\d.]+)["']""")
+POINT = 4 / 3  # pixels
+UNPACK = """(() => {
+  const text = "@TEXT@", bytes = new Uint8Array(@COUNT@ + 2); // a letter may reach beyond the end
+  let bits = 0, have = 0, at = 0;
+  for (let i = 0; i < text.length; i++) {
+    bits = bits << @BITS@ | text.charCodeAt(i) - @FIRST@; // older bits fall out at the left
+    for (have += @BITS@; have >= 8; have -= 8) bytes[at++] = bits >>> have - 8;
+  }
+  const packed = new Blob([bytes.subarray(0, @COUNT@)]).stream();
+  const whole = new Response(packed.pipeThrough(new DecompressionStream("deflate"))).blob();
+  window.@NAME@ = whole.then(found => new Promise((done, failed) => {
+    const tag = document.createElement("script");
+    tag.src = URL.createObjectURL(new Blob([found], {type: "text/javascript"}));
+    tag.onload = done;
+    tag.onerror = failed;
+    document.head.append(tag);
+  }));
+})();
+"""
+
+
+def packed(script: bytes, name: str) -> bytes:
+    """A script that unpacks another and runs it, in a third of its size.
+
+    Args:
+        name: of the global promise that is kept when the other has run.
+    """
+    small = zlib.compress(script, 9)
+    parts = {
+        "NAME": name,
+        "COUNT": len(small),
+        "BITS": BITS,
+        "FIRST": FIRST,
+        "TEXT": letters(small),
+    }
+    made = UNPACK
+    for part, value in (parts | {"TEXT": letters(small)}).items():  # the text holds no @
+        made = made.replace(f"@{part}@", str(value))
+    return b"\xff\xfe" + made.encode("utf-16-le")
+
+
+def without_search(page: str) -> str:
+    """A page without the scripts of the search, a third of a megabyte."""
+    return SEARCH.sub("", page)
+
+
+def with_late_pictures(page: str, folder: Path) -> str:
+    """A page whose pictures load when they come near; their place is kept free meanwhile.
+
+    Args:
+        folder: where the page is.
+    """
+
+    def late(found: re.Match) -> str:
+        path = Path(folder, found[1])
+        if not path.is_file() or not (size := size_px(path)):
+            return found[0]
+        given = "" if re.search(r"\s(?:width|height)=", found[0]) else ' width="{}" height="{}"'
+        return f'{found[0]} loading="lazy"{given.format(*size)}'
+
+    return PICTURE.sub(late, page)
+
+
+@cache
+def size_px(path: Path) -> tuple[int, int] | None:
+    """Width and height of a picture; None where a drawing does not say them."""
+    if path.suffix != ".svg":
+        with Image.open(path) as image:
+            return image.size
+    found = SIZE.search(path.read_text("utf-8")[:2000])
+    return found and tuple(round(POINT * float(side)) for side in found.groups())
+
+
+def lighten(site) -> None:
+    """Rewrite the pages of a built site; a page that is light already stays as it is."""
+    for path in Path(site).rglob("*.html"):
+        if "_static" in path.parts or path.name == "search.html":
+            continue
+        page = path.read_text("utf-8")
+        made = with_late_pictures(without_search(page), path.parent)
+        if made != page:
+            path.write_text(made, "utf-8", newline="\n")

