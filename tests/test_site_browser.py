@@ -56,6 +56,8 @@ def scroll_through(page):
         await new Promise(done => setTimeout(done, 30));
       }
       window.scrollTo(0, 0);
+      for (const image of document.images) image.loading = "eager";  // it scrolls past too fast
+      await Promise.allSettled([...document.images].map(image => image.decode()));
     }""")
 
 

@@ -93,7 +93,7 @@
         ? " What the hand did is not counted." : " The hand came too late.");
       said.dataset.success = told.success;
       view.replaceChildren(await PtaeLive.stage(robot.about, episode, setting.colours,
-        `The arm executes: ${text.value}`, `Left cube: ${setting.colours[0]}. Right cube: ${setting.colours[1]}.`));
+        `The arm executes: ${text.value}`, `Left cube, as the robot sees it: ${setting.colours[0]}. Right cube: ${setting.colours[1]}.`));
       room.dataset.acted = Number(room.dataset.acted ?? 0) + 1;
       try {
         await describe(episode, setting.colours);

@@ -84,7 +84,7 @@
         answer.append(
           PtaeLive.arms(scene.about, cubes, clip.colours, {"the recorded arm": clip.joints, "the model's": moved},
             "Both arms over the table"),
-          element("div", {class: "ptae-live-scroll"}, PtaeLive.figures.motions(clip.joints, moved, says)));
+          PtaeLive.figures.motions(clip.joints, moved, says));
         said.dataset.sentence = "";
       }
       const follows = PtaeLive.follows(what, truth, distractor ?? truth);

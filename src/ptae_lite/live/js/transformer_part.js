@@ -77,7 +77,7 @@
         shots.map(t => t < 0 ? null : own.features.subarray(30 * t, 30 * t + 30)),
         `${PICTURES} pictures, drawn from the features of the keys`);
       const look = PtaeLive.figures.attention(attention, tokens, keys.map(t => t >= 0));
-      answer.replaceChildren(element("div", {class: "ptae-live-scroll"}, element("div", {}, strip, look)));
+      answer.replaceChildren(strip, look);
       if (talks) await tell(said, language, told, own);
       else move(said, answer, model, own, joints);
       room.dataset.answered = Number(room.dataset.answered ?? 0) + 1;
@@ -118,6 +118,6 @@
     const text = `The arm moves ${error.toFixed(1)} % of its range away from the recorded clip “${own.sentence}”.`;
     said.textContent = text;
     said.dataset.sentence = "";
-    answer.append(element("div", {class: "ptae-live-scroll"}, PtaeLive.figures.motions(own.joints, made, text)));
+    answer.append(PtaeLive.figures.motions(own.joints, made, text));
   }
 }
