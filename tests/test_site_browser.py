@@ -321,6 +321,7 @@ def test_every_panel_changes_what_it_shows_at_each_position(browser, name):
 def test_every_action_of_the_front_page_is_a_scene_that_plays(browser):
     with opened(browser) as page:
         go(page, "index.html")
+        page.evaluate("lateFrames()")
         panel = page.locator(PANEL).first
         controls = controls_of(panel)
         for positions in product(*(range(count) for *_, count in controls)):
