@@ -34,7 +34,7 @@ from ptae_lite.run_mode import is_static
 # also load hidden scenes, and keep only about 16 alive. A hidden drawing is deflated to a ninth of
 # its size, and unpacked when it is first shown. On the site, what is hidden comes when it is asked
 # for; see `book/late.py`. The code is an attribute and not a script, so it
-# needs no names that could occur twice on a page.
+# needs no names that could occur twice on a page. In an attribute, URL alone is the document's.
 _ON_INPUT = """
 let index = 0;
 const order = JSON.parse(this.dataset.order);
@@ -63,7 +63,7 @@ this.querySelectorAll('[data-frame]').forEach((frame, i) => {
     const packed = Uint8Array.from(atob(image.dataset.packed), letter => letter.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
     new Response(stream).arrayBuffer().then(drawn => {
-      image.src = URL.createObjectURL(new Blob([drawn], {type: 'image/svg+xml'}));
+      image.src = window.URL.createObjectURL(new Blob([drawn], {type: 'image/svg+xml'}));
     });
     image.removeAttribute('data-packed');
   }
