@@ -46,15 +46,8 @@ def packed(script: bytes, name: str) -> bytes:
         name: of the global promise that is kept when the other has run.
     """
     small = zlib.compress(script, 9)
-    parts = {
-        "NAME": name,
-        "COUNT": len(small),
-        "BITS": BITS,
-        "FIRST": FIRST,
-        "TEXT": letters(small),
-    }
-    made = UNPACK
-    for part, value in (parts | {"TEXT": letters(small)}).items():  # the text holds no @
+    made, parts = UNPACK, {"NAME": name, "COUNT": len(small), "BITS": BITS, "FIRST": FIRST}
+    for part, value in (parts | {"TEXT": letters(small)}).items():  # the text comes last
         made = made.replace(f"@{part}@", str(value))
     return b"\xff\xfe" + made.encode("utf-16-le")
 
