@@ -104,7 +104,11 @@ def test_recipes_name_a_python_with_pybullet_and_files_that_exist():
     pythons = [*re.findall(r"python[:-](\S*?\d)(?:-|$)", "\n".join(texts[:2]), re.M)]
     assert len(pythons) == 2 and set(pythons) <= {"3.11", "3.12", "3.13"}
     files = re.findall(r"(?:COPY|-r|python) ([\w./]+\.(?:txt|py))", "\n".join(texts))
-    assert {"environment.txt", "src/ptae_lite/book/doctor.py"} == set(files)
+    assert {
+        "environment.txt",
+        "src/ptae_lite/book/doctor.py",
+        "src/ptae_lite/live/scripts.py",
+    } == set(files)
     assert all((ROOT / name).is_file() for name in files)
     if os.name != "nt":
         assert os.access(ROOT / ".binder/postBuild", os.X_OK)
