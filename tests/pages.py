@@ -103,8 +103,8 @@ def opened(browser, width="laptop"):
 def go(page, name: str) -> None:
     page.goto((SITE / name).as_uri() if "?" not in name else f"{SITE.as_uri()}/{name}")
     page.wait_for_load_state("load")
-    page.evaluate("""Promise.race([window.formulasReady?.then(() => MathJax.startup.promise),
-                                   new Promise(done => setTimeout(done, 20000))])""")
+    page.evaluate("""document.documentElement.dataset.formulasScript && Promise.race([
+        drawFormulas(), new Promise(done => setTimeout(done, 20000))])""")
 
 
 def until(condition, seconds: float = 20, message: str = "it did not happen") -> None:

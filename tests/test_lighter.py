@@ -47,6 +47,14 @@ def test_pictures_come_late_and_keep_their_place(tmp_path):
     assert lighter.with_late_pictures(sized, tmp_path) == sized[:-1] + ' loading="lazy">'
 
 
+def test_a_page_says_where_its_formulas_are_drawn():
+    script = "../_static/vendor/mathjax.js?v=1"
+    page = f'<html lang="en">\n<script defer="defer" src="{script}"></script>\n<p>'
+    made = lighter.with_late_formulas(page)
+    assert made == f'<html data-formulas-script="{script}" lang="en">\n<p>'
+    assert lighter.with_late_formulas(made) == made
+
+
 def test_only_the_search_loads_the_search(tmp_path):
     scripts = [f'<script src="../_static/{name}.js?v=1"></script>\n'
                for name in ("doctools", "searchtools", "language_data", "searchindex")]  # fmt: skip

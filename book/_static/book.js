@@ -23,15 +23,40 @@ function tellWhatScrolls() {
 addEventListener("load", tellWhatScrolls);
 addEventListener("resize", tellWhatScrolls);
 
-// What panels hide at first is loaded when a reader comes to one.
-let late;
-const lateFrames = () => late ??= new Promise((done, failed) => {
+const PAGE = document.documentElement.dataset;
+const loaded = address => new Promise((done, failed) => {
   const tag = document.createElement("script");
-  tag.src = document.documentElement.dataset.lateScript;
+  tag.src = address;
   tag.onload = done;
   tag.onerror = failed;
   document.head.append(tag);
 });
+
+// Formulas are drawn when the first of them comes near, and before a page is printed.
+let formulas;
+const drawFormulas = () => formulas ??= loaded(PAGE.formulasScript)
+  .then(() => window.formulasReady).then(() => MathJax.startup.promise);
+if (PAGE.formulasScript) {
+  addEventListener("DOMContentLoaded", () => {
+    const near = new IntersectionObserver(seen => {
+      if (!seen.some(one => one.isIntersecting)) return;
+      near.disconnect();
+      drawFormulas();
+    }, {rootMargin: "400px"});
+    for (const one of document.querySelectorAll(".math")) near.observe(one);
+  });
+  const print = window.print.bind(window);
+  window.print = () => drawFormulas().then(print);
+  addEventListener("keydown", event => {
+    if (event.key.toLowerCase() !== "p" || !(event.ctrlKey || event.metaKey)) return;
+    event.preventDefault();
+    window.print();
+  });
+}
+
+// What panels hide at first is loaded when a reader comes to one.
+let late;
+const lateFrames = () => late ??= loaded(PAGE.lateScript);
 function takeLate(texts) {
   for (const one of document.querySelectorAll("[data-late]")) {
     if (one.tagName === "TEMPLATE") one.innerHTML = texts[one.dataset.late];

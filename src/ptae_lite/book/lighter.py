@@ -1,4 +1,4 @@
-"""Pages load less: no search where none is, pictures when they come near, a packed MathJax."""
+"""Pages load less: no search where none is, pictures and formulas when they come near."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ SEARCH = re.compile(
     r'[ \t]*<script src="[^"]*(?:searchtools|language_data|searchindex|sphinx_highlight)\.js[^"]*">'
     r"</script>\n?"
 )
+FORMULAS = re.compile(r'[ \t]*<script\b[^>]*? src="([^"]*vendor/mathjax\.js[^"]*)"></script>\n?')
 PICTURE = re.compile(r'<img\b(?![^>]*\sloading=)[^>]*?\ssrc="([^":]+)"[^>]*?(?=\s*/?>)')
 SIZE = re.compile(r"""<svg\b[^>]*?\sviewBox=["'][\d.-]+ [\d.-]+ ([\d.]+) ([\d.]+)["']""")
 POINT = 4 / 3  # pixels
@@ -57,6 +58,14 @@ def without_search(page: str) -> str:
     return SEARCH.sub("", page)
 
 
+def with_late_formulas(page: str) -> str:
+    """A page that says where MathJax is, and leaves it to `book.js` to load it."""
+    if not (found := FORMULAS.search(page)):
+        return page
+    without = page.replace(found[0], "")
+    return without.replace("<html", f'<html data-formulas-script="{found[1]}"', 1)
+
+
 def with_late_pictures(page: str, folder: Path) -> str:
     """A page whose pictures load when they come near; their place is kept free meanwhile.
 
@@ -90,6 +99,6 @@ def lighten(site) -> None:
         if "_static" in path.parts or path.name == "search.html":
             continue
         page = path.read_text("utf-8")
-        made = with_late_pictures(without_search(page), path.parent)
+        made = with_late_pictures(with_late_formulas(without_search(page)), path.parent)
         if made != page:
             path.write_text(made, "utf-8", newline="\n")

@@ -30,11 +30,11 @@ from ptae_lite.plots.style import few_colours
 from ptae_lite.run_mode import is_static
 
 # Runs when a control of the panel moves: shows the frame for their positions. Positions with the
-# same content share a frame. A hidden frame with a scene is kept in a template, because browsers
-# also load hidden scenes, and keep only about 16 alive. A hidden drawing is deflated to a ninth of
-# its size, and unpacked when it is first shown. On the site, what is hidden comes when it is asked
-# for; see `book/late.py`. The code is an attribute and not a script, so it
-# needs no names that could occur twice on a page. In an attribute, URL alone is the document's.
+# same content share a frame. A hidden frame with a scene or a photo is kept in a template, because
+# browsers also load hidden scenes, and keep only about 16 alive. A hidden drawing is deflated to a
+# ninth of its size, and unpacked when it is first shown. On the site, what is hidden comes when it
+# is asked for; see `book/late.py`. The code is an attribute and not a script, so it needs no names
+# that could occur twice on a page. In an attribute, URL alone is the document's.
 _ON_INPUT = """
 let index = 0;
 const order = JSON.parse(this.dataset.order);
@@ -289,7 +289,9 @@ def as_html(made: Any, description: str) -> str:
 
 def _laid_away(face: str) -> str:
     """A frame that is hidden at first, so that it takes little room and loads nothing."""
-    return f"<template>{face}</template>" if "<iframe" in face else _DRAWING.sub(_packed, face)
+    if "<iframe" in face or "data:image/webp" in face:
+        return f"<template>{face}</template>"
+    return _DRAWING.sub(_packed, face)
 
 
 def _packed(source: re.Match) -> str:
