@@ -42,7 +42,7 @@ if (PAGE.formulasScript) {
       if (!seen.some(one => one.isIntersecting)) return;
       near.disconnect();
       drawFormulas();
-    }, {rootMargin: "400px"});
+    }, {rootMargin: "200px"});
     for (const one of document.querySelectorAll(".math")) near.observe(one);
   });
   const print = window.print.bind(window);
