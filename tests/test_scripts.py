@@ -51,6 +51,11 @@ def test_a_package_of_another_version_is_missing(place):
     assert scripts.missing(place) == []
 
 
+def test_where_the_lock_is_lost_it_is_what_is_missing(place):
+    (place / "package-lock.json").unlink()
+    assert scripts.missing(place) == ["package-lock.json"]
+
+
 @pytest.mark.parametrize(
     ("status", "version", "works"), [(0, "1.0.0", True), (1, "1.0.0", False), (0, "2.0.0", False)]
 )

@@ -260,7 +260,7 @@ def book(tmp_path_factory):
     folder = tmp_path_factory.mktemp("book")
     (folder / "conf.py").write_text((ROOT / "book" / "conf.py").read_text("utf-8"), "utf-8")
     (folder / "_static").mkdir()
-    for name in ("book.css", "book.js"):
+    for name in ("book.css", "book.js", "icon.svg"):
         (folder / "_static" / name).write_text("")
     contents = "```{toctree}\n:caption: Chapters\n01_one\n```\n"
     (folder / "index.md").write_text(f"# A book\n\n{contents}")

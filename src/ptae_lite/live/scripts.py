@@ -27,8 +27,14 @@ def folder() -> Path:
 
 
 def missing(root: Path = ROOT) -> list[str]:
-    """The packages of the lock that are not installed, or are in another version."""
-    locked = json.loads((root / NAMES[1]).read_text(encoding="utf-8"))["packages"]
+    """The packages of the lock that are not installed, or are in another version.
+
+    Where the lock cannot be read, it is what is missing.
+    """
+    try:
+        locked = json.loads((root / NAMES[1]).read_text(encoding="utf-8"))["packages"]
+    except (OSError, ValueError):
+        return [NAMES[1]]
     wanted = {path.removeprefix("node_modules/"): one["version"]
               for path, one in locked.items() if path}  # fmt: skip
     return [name for name, version in wanted.items() if version_of(name) != version]
