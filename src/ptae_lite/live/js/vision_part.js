@@ -40,7 +40,7 @@
       const moves = number.control.value !== "none", which = moves ? Number(number.control.value.slice(7)) : -1;
       by.disabled = !moves;
       const shift = moves ? Number(by.value) : 0;
-      told.value = `${shift} spreads`;
+      told.value = `${shift} standard deviations`;
       by.setAttribute("aria-valuetext", told.value);
       if (moves) code[which] += shift * spread.size[which];
       const back = await autoencoder.draw(code);
@@ -48,7 +48,7 @@
       bars.replaceChildren(chart(code, spread, which));
       let sum = 0;
       for (let i = 0; i < image.data.length; i++) if (i % 4 < 3) sum += Math.abs(image.data[i] - back.data[i]);
-      said.textContent = `Left: 57,600 numbers. Right: what thirty keep; a value is ${(sum / (3 * WIDE * HIGH) / 2.55).toFixed(1)} % off in the mean.`;
+      said.textContent = `First 57,600 numbers, then what thirty keep of them. A value is ${(sum / (3 * WIDE * HIGH) / 2.55).toFixed(1)} % off in the mean.`;
       room.dataset.answered = Number(room.dataset.answered ?? 0) + 1;
     });
 
@@ -78,11 +78,11 @@
     return {mean, size: square.map((v, i) => Math.sqrt(v / count - mean[i] ** 2))};
   }
 
-  // Thirty bars in three groups: how far each number is from its mean, in spreads.
+  // Thirty bars in three groups: how far each number is from its mean, in standard deviations.
   function chart(code, {mean, size}, moved) {
     const values = [...code].map((v, i) => Math.max(-4, Math.min(4, (v - mean[i]) / size[i])));
     const bars = element("div", {class: "ptae-live-bars", role: "img",
-      "aria-label": `Thirty numbers, in spreads from their means: ${values.map(v => v.toFixed(1)).join(", ")}`});
+      "aria-label": `Thirty numbers, in standard deviations from their means: ${values.map(v => v.toFixed(1)).join(", ")}`});
     values.forEach((value, i) => {
       const bar = element("span", {class: i === moved ? "ptae-live-moved" : ""});
       bar.style.setProperty("--value", value);
