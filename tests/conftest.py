@@ -180,3 +180,22 @@ def make_batch(source):
         return build(source, torch.tensor(indices), signals, torch.full((count,), alternative))
 
     return make
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A running Chromium."""
+    from pages import chromium
+
+    with chromium() as running:
+        yield running
+
+
+@pytest.fixture
+def page(browser, folder):
+    """The first page of the test module's `folder`, opened."""
+    from pages import opened
+
+    with opened(browser) as one:
+        one.goto((folder / "index.html").as_uri())
+        yield one

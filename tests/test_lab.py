@@ -14,7 +14,7 @@ import time
 import urllib.request
 
 import pytest
-from pages import ROOT, SHOTS, chromium, until
+from pages import ROOT, SHOTS, until
 
 from ptae_lite.book.chapters import notebook_files
 
@@ -37,12 +37,6 @@ def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return probe.getsockname()[1]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as running:
-        yield running
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bidi import firefox
-from pages import SITE, chromium, opened, pixels, stale, until
+from pages import SITE, opened, pixels, stale, until
 
 from ptae_lite.live import scripts
 
@@ -59,19 +59,6 @@ def folder(tmp_path_factory):
     shutil.copyfile(SITE / "_static" / "book.css", place / "book.css")
     (place / "index.html").write_text(PAGE, "utf-8")
     return place
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as one:
-        yield one
-
-
-@pytest.fixture
-def page(browser, folder):
-    with opened(browser) as one:
-        one.goto((folder / "index.html").as_uri())
-        yield one
 
 
 def over(found) -> list[str]:

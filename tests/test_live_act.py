@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-from pages import SITE, chromium, opened, pixels, stale, until
+from pages import SITE, opened, pixels, stale, until
 
 from ptae_lite.data.samples import load_samples
 from ptae_lite.live import scripts
@@ -54,19 +54,6 @@ def act_folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return act_folder(tmp_path_factory)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with chromium() as one:
-        yield one
-
-
-@pytest.fixture
-def page(browser, folder):
-    with opened(browser) as one:
-        one.goto((folder / "index.html").as_uri())
-        yield one
 
 
 def own_mb() -> list[float]:

@@ -46,7 +46,7 @@ if (PAGE.formulasScript) {
     for (const one of document.querySelectorAll(".math")) near.observe(one);
   });
   const print = window.print.bind(window);
-  window.print = () => drawFormulas().then(print);
+  window.print = () => drawFormulas().finally(print);
   addEventListener("keydown", event => {
     if (event.key.toLowerCase() !== "p" || !(event.ctrlKey || event.metaKey)) return;
     event.preventDefault();

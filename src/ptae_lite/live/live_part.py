@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from ptae_lite.errors import PTAEError
 from ptae_lite.live import scripts
 from ptae_lite.run_mode import for_site
-from ptae_lite.widgets.panels import as_html
+from ptae_lite.widgets.panel_frames import as_html
 
 PARTS = ("vision", "transformer", "labels", "conflict", "act", "policies")  # see loader.js
 WITHOUT = (

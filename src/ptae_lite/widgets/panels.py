@@ -11,9 +11,7 @@ import base64
 import inspect
 import io
 import json
-import re
 import traceback
-import zlib
 from collections.abc import Callable, Iterable, Mapping
 from html import escape
 from itertools import product
@@ -28,50 +26,7 @@ from PIL import Image
 from ptae_lite.errors import PTAEError
 from ptae_lite.plots.style import few_colours
 from ptae_lite.run_mode import is_static
-
-# Runs when a control of the panel moves: shows the frame for their positions. Positions with the
-# same content share a frame. A hidden frame with a scene or a photo is kept in a template, because
-# browsers also load hidden scenes, and keep only about 16 alive. A hidden drawing is deflated to a
-# ninth of its size, and unpacked when it is first shown. On the site, what is hidden comes when it
-# is asked for; see `book/late.py`. The code is an attribute and not a script, so it needs no names
-# that could occur twice on a page. In an attribute, URL alone is the document's.
-_ON_INPUT = """
-let index = 0;
-const order = JSON.parse(this.dataset.order);
-for (const row of this.querySelectorAll('[data-values]')) {
-  const values = JSON.parse(row.dataset.values), control = row.querySelector('input, select');
-  const output = row.querySelector('output'), position = Number(control.value);
-  index = index * values.length + position;
-  if (output) {
-    output.value = values[position];
-    control.setAttribute('aria-valuetext', values[position]);
-  }
-}
-if (this.querySelector('[data-late]')) {
-  lateFrames().then(() => this.dispatchEvent(new Event('input')));
-  return;
-}
-this.querySelectorAll('[data-frame]').forEach((frame, i) => {
-  const shown = i === order[index], kept = frame.querySelector(':scope > template');
-  if (shown && kept) frame.replaceChildren(kept.content.cloneNode(true));
-  if (!shown && frame.querySelector('iframe')) {
-    const away = document.createElement('template');
-    away.innerHTML = frame.innerHTML;
-    frame.replaceChildren(away);
-  }
-  for (const image of shown ? frame.querySelectorAll('img[data-packed]') : []) {
-    const packed = Uint8Array.from(atob(image.dataset.packed), letter => letter.charCodeAt(0));
-    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream('deflate'));
-    new Response(stream).arrayBuffer().then(drawn => {
-      image.src = window.URL.createObjectURL(new Blob([drawn], {type: 'image/svg+xml'}));
-    });
-    image.removeAttribute('data-packed');
-  }
-  frame.hidden = !shown;
-});
-"""
-SHARP_DPI = 150  # of a figure with pictures
-_DRAWING = re.compile(r'src="data:image/svg\+xml;base64,([^"]+)"')
+from ptae_lite.widgets.panel_frames import ON_INPUT, as_html, laid_away, saved
 
 # Gives a screen reader what is written beside the sliders of a widget: their names and values.
 # ipywidgets gives it no names, and positions instead of values.
@@ -219,11 +174,11 @@ class Panel:
         first = self.face(**self.start)
         frames = "".join(
             f"<div data-frame>{face}</div>" if face == first
-            else f"<div data-frame hidden>{_laid_away(face)}</div>" for face in number
+            else f"<div data-frame hidden>{laid_away(face)}</div>" for face in number
         )  # fmt: skip
         return (
             f'<div data-ptae-embed="panel" role="group" aria-label="{escape(self.label)}" '
-            f'oninput="{escape(_ON_INPUT)}" data-order="{[number[face] for face in faces]}">'
+            f'oninput="{escape(ON_INPUT)}" data-order="{[number[face] for face in faces]}">'
             f'{rows}<div aria-live="polite">{frames}</div></div>'
         )
 
@@ -264,55 +219,13 @@ class Panel:
         at_start = self.frame(**self.start)
         at_start = getattr(at_start, "figure", at_start)
         if isinstance(at_start, Figure):
-            picture = few_colours(Image.open(io.BytesIO(_saved(at_start, "png"))))
+            picture = few_colours(Image.open(io.BytesIO(saved(at_start, "png"))))
             bundle["image/png"] = base64.b64encode(picture).decode("ascii")
         return bundle
 
     def __repr__(self) -> str:
         start = ", ".join(f"{name}={_text(value)}" for name, value in self.start.items())
         return f"Panel({self.label!r}, {start})"
-
-
-def as_html(made: Any, description: str) -> str:
-    """HTML of a figure (with its description), of a text, or of an object with `_repr_html_`."""
-    if isinstance(made, Figure):
-        kind, picture = "svg+xml", _saved(made, "svg")
-        if any(axes.images for axes in made.axes):  # camera's pictures: a fifth of the size
-            kind, picture = "webp", _webp(made)
-        coded = base64.b64encode(picture).decode("ascii")
-        return (
-            f'<img style="max-width:100%" alt="{escape(description)}" '
-            f'src="data:image/{kind};base64,{coded}">'
-        )
-    return f"<pre>{escape(made)}</pre>" if isinstance(made, str) else made._repr_html_()
-
-
-def _laid_away(face: str) -> str:
-    """A frame that is hidden at first, so that it takes little room and loads nothing."""
-    if "<iframe" in face or "data:image/webp" in face:
-        return f"<template>{face}</template>"
-    return _DRAWING.sub(_packed, face)
-
-
-def _packed(source: re.Match) -> str:
-    drawn = zlib.compress(base64.b64decode(source[1]), 9)
-    return f'data-packed="{base64.b64encode(drawn).decode("ascii")}"'
-
-
-def _saved(figure: Figure, kind: str) -> bytes:
-    """The figure as a file. The same figure gives the same bytes: no random names, no date."""
-    file = io.BytesIO()
-    metadata = {"Date": None} if kind == "svg" else {"Software": None}
-    with plt.rc_context({"svg.hashsalt": "ptae_lite"}):
-        figure.savefig(file, format=kind, metadata=metadata)
-    return file.getvalue()
-
-
-def _webp(figure: Figure) -> bytes:
-    drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=SHARP_DPI)
-    Image.open(drawn).convert("RGB").save(small, "WEBP", quality=85, method=6)
-    return small.getvalue()
 
 
 def _all_numbers(values: list) -> bool:

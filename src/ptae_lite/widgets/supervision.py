@@ -19,7 +19,8 @@ from ptae_lite.language import SYNONYMS, Meaning
 from ptae_lite.models import MODELS
 from ptae_lite.plots import style
 from ptae_lite.plots.supervision import LABELS, MAIN, NAMES, draw_measure, rows_of, shared_legend
-from ptae_lite.widgets.panels import Panel, as_html
+from ptae_lite.widgets.panel_frames import as_html
+from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.train_button import TrainButton
 
 CELL = 'style="padding:.15em .5em;text-align:left"'

@@ -10,7 +10,8 @@ from typing import Any
 import ipywidgets
 
 from ptae_lite.run_mode import is_static
-from ptae_lite.widgets.panels import Panel, as_html
+from ptae_lite.widgets.panel_frames import as_html
+from ptae_lite.widgets.panels import Panel
 
 
 class TrainButton:
