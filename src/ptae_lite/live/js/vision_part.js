@@ -48,7 +48,7 @@
       bars.replaceChildren(chart(code, spread, which));
       let sum = 0;
       for (let i = 0; i < image.data.length; i++) if (i % 4 < 3) sum += Math.abs(image.data[i] - back.data[i]);
-      said.textContent = `First 57,600 numbers, then what thirty keep of them. A value is ${(sum / (3 * WIDE * HIGH) / 2.55).toFixed(1)} % off in the mean.`;
+      said.textContent = `First ${(3 * WIDE * HIGH).toLocaleString("en")} numbers, then what thirty keep of them. A value is ${(sum / (3 * WIDE * HIGH) / 2.55).toFixed(1)} % off in the mean.`;
       room.dataset.answered = Number(room.dataset.answered ?? 0) + 1;
     });
 
