@@ -1,11 +1,13 @@
 """The episodes of chapter 06 acted again by what a page runs: onnxruntime-web, MuJoCo, its camera.
 
     python benchmarks/live_physics.py FOLDER [--model NAME] [--conditions NAME ...] [--out FILE]
+    python benchmarks/live_physics.py FOLDER --random 100
 
 FOLDER has the live files (`python -m ptae_lite.live.files FOLDER`, or the site's `_static/live`).
 Each episode of a policy (seed 0) in `closed_loop.csv` gets a second verdict, beside PyBullet's. The
 policy is the one-look policy, or another whose weights the site has. With `--replay`, the recorded
-joints are followed instead: that compares physics alone.
+joints are followed instead: that compares physics alone. With `--random`, scenes are drawn anew,
+and PyBullet acts in them first, with its own camera: that compares what the cameras lead to.
 """
 
 from __future__ import annotations
@@ -14,17 +16,26 @@ import argparse
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import torch
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, vision
+from ptae_lite.acting import Actor
 from ptae_lite.data.samples import Samples, load_samples
-from ptae_lite.experiments.tasks import tasks_of
-from ptae_lite.live import scripts
+from ptae_lite.experiments.tasks import Task, tasks_of
+from ptae_lite.language import COLOURS, pattern, patterns, sentence
+from ptae_lite.live import files, models, scripts
+from ptae_lite.models import checkpoint
+from ptae_lite.robot import closed_loop
+from ptae_lite.robot.closed_loop import Setting, Verdict
+from ptae_lite.robot.scene import NOMINAL_PLACES_M
 
-SEED, REPLAY = 0, "replay"
+SEED, REPLAY, RANDOM = 0, "replay", "random"
+AWAY_M, TURNED_RAD = 0.03, 0.7  # of cubes at random: along each axis, and about the vertical
 MODELS = {  # in the table, and their packs
     "one_look_policy": "policy", "ptae": "ptae", "ptae_no_padding": "no_padding",
     "watching_policy": "watching", "dagger": "dagger",
@@ -46,18 +57,42 @@ def tasks(samples: Samples, condition: str, model: str = ONE_LOOK) -> list[dict]
     made = []
     for row in table.itertuples():
         task = of_sample[number[int(row.pattern), int(row.variation)]]
-        one = {
-            "condition": condition, "policy": MODELS[model], "colours": task.stage.colours,
-            "places_m": np.asarray(task.stage.places_m).tolist(),
-            "yaws_rad": np.asarray(task.stage.yaws_rad).tolist(),
-            "sentence": task.instruction, "action": row.action, "side": row.side,
-            "speed": row.speed, "stored": {"success": bool(row.success), "reason": row.reason,
-                                           "named_mm": row.named_mm, "frames": row.duration},
-        }  # fmt: skip
+        verdict = Verdict(bool(row.success), row.reason, row.named_mm, 0.0, row.duration)
+        one = asked_of(condition, task, verdict, model)
         if condition == REPLAY:
             frames = int(samples.frames[task.sample])
             one["joints_rad"] = samples.joints[task.sample, :frames].astype(float).tolist()
         made.append(one)
+    return made
+
+
+def asked_of(condition: str, task: Task, verdict: Verdict, model: str) -> dict:
+    """What `actAgain` needs of an episode, and PyBullet's verdict."""
+    return {
+        "condition": condition, "policy": MODELS[model], "colours": task.stage.colours,
+        "places_m": np.asarray(task.stage.places_m).tolist(),
+        "yaws_rad": np.asarray(task.stage.yaws_rad).tolist(), "sentence": task.instruction,
+        "action": task.asked.action, "side": task.asked.side, "speed": task.asked.speed,
+        "stored": {"success": verdict.success, "reason": verdict.reason,
+                   "named_mm": verdict.named_mm, "frames": verdict.frames},
+    }  # fmt: skip
+
+
+def random_tasks(count: int, model: str) -> list[dict]:
+    """Two colours, two places and a sentence by chance, acted here by PyBullet with its camera."""
+    rng, made = np.random.default_rng(SEED), []
+    torch.set_num_threads(1)
+    trained = checkpoint.load(artefacts.stored(models.shipped()[MODELS[model]]))
+    encoder = vision.load_autoencoder(artefacts.stored(files.ENCODER))
+    for _ in range(count):
+        left, right = rng.choice(COLOURS, 2, replace=False).tolist()
+        asked = replace(pattern(int(rng.integers(len(patterns())))), left=left, right=right)
+        places = NOMINAL_PLACES_M + rng.uniform(-AWAY_M, AWAY_M, (2, 2))
+        stage = Setting((left, right), places, rng.uniform(-TURNED_RAD, TURNED_RAD, 2))
+        task = Task(-1, stage, sentence(asked.meaning, int(rng.integers(8))), asked)
+        episode = closed_loop.perform(stage, Actor(trained, encoder, task.instruction))
+        verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
+        made.append(asked_of(RANDOM, task, verdict, model))
     return made
 
 
@@ -109,11 +144,14 @@ def main(arguments=None) -> int:
     parser.add_argument("--model", choices=MODELS, default=ONE_LOOK)
     parser.add_argument("--conditions", nargs="+", choices=CONDITIONS, default=CONDITIONS)
     parser.add_argument("--replay", action="store_true", help="follow the recorded joints")
+    parser.add_argument("--random", type=int, metavar="COUNT", help="act in scenes drawn by chance")
     parser.add_argument("--out", type=Path, help="a table with a row for each episode")
     given = parser.parse_args(arguments)
-    samples = load_samples("recording")
-    wanted = [REPLAY] if given.replay else given.conditions
-    asked = [task for condition in wanted for task in tasks(samples, condition, given.model)]
+    if given.random:
+        asked = random_tasks(given.random, given.model)
+    else:
+        samples, wanted = load_samples("recording"), [REPLAY] if given.replay else given.conditions
+        asked = [task for condition in wanted for task in tasks(samples, condition, given.model)]
     table = compared(asked, in_node(given.folder, asked))
     if given.out:
         table.to_csv(given.out, index=False)
