@@ -56,7 +56,7 @@ if (PAGE.formulasScript) {
 
 // What panels hide at first is loaded when a reader comes to one.
 let late;
-const lateFrames = () => late ??= loaded(PAGE.lateScript);
+const lateFrames = () => late ??= loaded(PAGE.lateScript).then(() => window.lateTaken);
 function takeLate(texts) {
   for (const one of document.querySelectorAll("[data-late]")) {
     if (one.tagName === "TEMPLATE") one.innerHTML = texts[one.dataset.late];

@@ -1,6 +1,7 @@
 """What panels hide at first stands in a script beside the page, loaded when one is touched.
 
-A panel of scenes or drawings is up to a megabyte and a half, of which a page shows one frame.
+A panel of scenes or drawings is up to a megabyte and a half, of which a page shows one frame. The
+script is packed: scenes are much alike.
 """
 
 from __future__ import annotations
@@ -8,6 +9,9 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+
+from ptae_lite.book import lighter
+from ptae_lite.widgets import viewer
 
 FOLDER = Path("_static", "late")
 HIDDEN = re.compile(r'(<template)>(.*?)(?=</template>)|data-packed="([^"]*)"', re.DOTALL)
@@ -42,9 +46,11 @@ def take(site) -> None:
             continue
         place = FOLDER / "-".join(name.parts)
         root = "../" * (len(name.parts) - 1)
-        page, texts = taken(path.read_text("utf-8"), root + place.as_posix())
-        if texts:
+        before = path.read_text("utf-8")
+        page, texts = taken(before.replace(viewer.ROOT, root), root + place.as_posix())
+        if page != before:
             path.write_text(page, "utf-8", newline="\n")
+        if texts:
             Path(site, place).parent.mkdir(exist_ok=True)
             script = f"takeLate({json.dumps(texts, ensure_ascii=False)});\n"
-            Path(site, place).write_text(script, "utf-8", newline="\n")
+            Path(site, place).write_bytes(lighter.packed(script.encode(), "lateTaken"))

@@ -45,7 +45,7 @@ def files(book: Path, show: Callable[[Path], None] = lambda md: None) -> dict[st
         show(md)
         sections = slides.cut(ran(md))
         titles[md.stem] = sections[0].title
-        made[f"slides/{md.stem}.html"] = slides.page(sections).encode()
+        made[f"slides/{md.stem}.html"] = slides.page(sections).replace(viewer.ROOT, "").encode()
     if titles:
         made["slides/index.html"] = contents(titles).encode()
         made |= {f"slides/_static/{name}": data for name, data in scripts().items()}

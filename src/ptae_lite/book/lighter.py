@@ -1,4 +1,7 @@
-"""Pages load less: no search where none is, pictures and formulas when they come near."""
+"""Pages load less: no search where none is, pictures and formulas when they come near.
+
+Drawings are squeezed: what Matplotlib writes for people to read is a fifth of them.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,10 @@ FORMULAS = re.compile(r'[ \t]*<script\b[^>]*? src="([^"]*vendor/mathjax\.js[^"]*
 PICTURE = re.compile(r'<img\b(?![^>]*\sloading=)[^>]*?\ssrc="([^":]+)"[^>]*?(?=\s*/?>)')
 SIZE = re.compile(r"""<svg\b[^>]*?\sviewBox=["'][\d.-]+ [\d.-]+ ([\d.]+) ([\d.]+)["']""")
 POINT = 4 / 3  # pixels
+METADATA = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\n\s*(?=<)", re.DOTALL)
+LONG = re.compile(r"(?<![\d.])[1-9]\d*\.\d{4,}")  # smaller numbers may be scales
+PATH = re.compile(r'\sd="([^"]*)"')
+SPACES = re.compile(r"\s+(?=[A-Za-z]|$)|(?<=[A-Za-z])\s+|(?<=\s)\s+")
 UNPACK = """(() => {
   const text = "@TEXT@", bytes = new Uint8Array(@COUNT@ + 2); // a letter may reach beyond the end
   let bits = 0, have = 0, at = 0;
@@ -93,8 +100,17 @@ def size_px(path: Path) -> tuple[int, int] | None:
     return found and tuple(round(POINT * float(side)) for side in found.groups())
 
 
+def squeezed(drawing: str) -> str:
+    """An SVG file with nothing between its elements, and coordinates to a thousandth of a point."""
+    made = METADATA.sub("", drawing)
+    made = LONG.sub(lambda found: f"{float(found[0]):.3f}".rstrip("0").rstrip("."), made)
+    return PATH.sub(lambda found: f' d="{SPACES.sub("", found[1])}"', made)
+
+
 def lighten(site) -> None:
-    """Rewrite the pages of a built site; a page that is light already stays as it is."""
+    """Rewrite the pages and drawings of a built site; what is light already stays as it is."""
+    for path in Path(site).glob("_images/*.svg"):
+        path.write_text(squeezed(path.read_text("utf-8")), "utf-8", newline="\n")
     for path in Path(site).rglob("*.html"):
         if "_static" in path.parts or path.name == "search.html":
             continue

@@ -28,13 +28,10 @@ from ptae_lite.run_mode import for_site
 
 SHARED_SCRIPT = "_static/scene.js"  # from the site's root
 UNIT = 2.0**-14  # rounding of a pose's entries: 0.03 mm, or 0.002 degrees
-# A scene of the site is inside a page of the site; that page knows the path to the site's root.
-_SHARED_PLAYER = f"""<script>
-const shared = document.createElement("script"), page = parent.document.documentElement;
-shared.src = (page.dataset.content_root || "") + "{SHARED_SCRIPT}";
-shared.onerror = () => {{ document.getElementById("clock").value = "{SHARED_SCRIPT} is missing"; }};
-document.head.append(shared);
-</script>"""
+# A scene of the site loads its script: a careful server forbids scripts that stand in a scene, for
+# it knows only those that stand in pages. The way to the site's root is filled in with the page.
+ROOT = "@ROOT@"
+_SHARED_PLAYER = f'<script src="{ROOT}{SHARED_SCRIPT}"></script>'
 COLUMNS = 5  # of the sheet of camera pictures
 BACKGROUNDS = {  # top and bottom, red, green and blue from 0 to 1
     "light": ((0.90, 0.93, 0.97), (1.0, 1.0, 1.0)),

@@ -8,7 +8,7 @@
     const {env} = window.ort;
     env.wasm.numThreads = 1; // more threads need headers that no folder sends
     env.wasm.proxy = false;
-    env.wasm.wasmBinary = parts.wasm.slice().buffer;
+    env.wasm.wasmBinary = parts.wasm.buffer;
     delete parts.wasm; // the runtime starts once, and has its own
     const module = new Blob([parts.mjs], {type: "text/javascript"});
     env.wasm.wasmPaths = {mjs: URL.createObjectURL(module)};
@@ -21,8 +21,11 @@
       this.bytes = bytes;
     }
     open() {
-      return this.session ??= (started ??= start()).then(() =>
-        window.ort.InferenceSession.create(this.bytes, {executionProviders: ["wasm"]}));
+      return this.session ??= (started ??= start()).then(async () => {
+        const session = await window.ort.InferenceSession.create(this.bytes, {executionProviders: ["wasm"]});
+        this.bytes = null; // the runtime has its own
+        return session;
+      });
     }
     async run(inputs) {
       const session = await this.open(), given = {};

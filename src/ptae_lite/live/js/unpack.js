@@ -4,10 +4,10 @@
   const FIRST = 0x3400, BITS = 15;
   const pieces = {}, told = {};
 
-  // Called by each piece when it is loaded; the first also says what the pack holds.
-  PtaeLive.take = (name, number, letters, about) => {
+  // Called by each piece when it is loaded; the first also says what the pack holds, and where.
+  PtaeLive.take = (name, number, letters, places) => {
     (pieces[name] ??= [])[number] = letters;
-    if (about) told[name] = about;
+    if (places) told[name] = places;
   };
 
   function bytesOf(texts, count) {
@@ -22,6 +22,14 @@
     return bytes.subarray(0, count);
   }
 
+  // Bytes that were stored in planes, in their order: a copy, so that no part keeps the others.
+  function woven(bytes, planes) {
+    const made = new Uint8Array(bytes.length);
+    for (let plane = 0, at = 0; plane < planes; plane++)
+      for (let i = plane; i < made.length; i += planes) made[i] = bytes[at++];
+    return made;
+  }
+
   async function load(name, loaded) {
     if (!PtaeLive.packs[name]) throw new Error(`this site has no pack ${name}`);
     const {pieces: count, bytes} = PtaeLive.packs[name];
@@ -29,15 +37,14 @@
       await PtaeLive.script(`${name}.${i}`);
       loaded(bytes / count);
     }));
-    const {bytes: packed, parts, about} = told[name];
+    const {bytes: packed, parts: places} = told[name];
     const stream = new Blob([bytesOf(pieces[name], packed)]).stream();
-    const whole = await new Response(
-      stream.pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
     delete pieces[name];
-    const found = {};
-    for (const [part, [from, length]] of Object.entries(parts))
-      found[part] = new Uint8Array(whole, from, length);
-    return {parts: found, about};
+    const whole = new Uint8Array(await new Response(
+      stream.pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());
+    const {about, ...parts} = Object.fromEntries(Object.entries(places).map(
+      ([part, [from, length, planes]]) => [part, woven(whole.subarray(from, from + length), planes)]));
+    return {parts, about: JSON.parse(new TextDecoder().decode(about))};
   }
 
   // The packs of these names, each loaded once. show: called with the share that is loaded.
