@@ -314,8 +314,9 @@ def server(folder):
         one.shutdown()
 
 
-def check_served(browser, folder, name: str, part: str) -> None:
-    """A part works behind the server; nothing else is asked, nothing is refused."""
+@contextmanager
+def served(browser, folder):
+    """A page behind the server; at its end, nothing else was asked and nothing was refused."""
     context = browser.new_context(reduced_motion="reduce")
     page, wrong = context.new_page(), []
 
@@ -328,18 +329,36 @@ def check_served(browser, folder, name: str, part: str) -> None:
     with server(folder) as address:
         page.on("request", lambda one: None if one.url.startswith((address, "blob:", "data:"))
                 else wrong.append(one.url))  # fmt: skip
-        page.goto(address + name)
-        assert said(press(page, part)) is not None
+        yield page, address
         assert wrong == []
-    context.close()
+        context.close()
 
 
 def test_a_server_with_a_strict_policy_will_do(browser, folder):
-    check_served(browser, folder, "index.html", "conflict")
+    with served(browser, folder) as (page, address):
+        page.goto(address + "index.html")
+        assert said(press(page, "conflict")) is not None
 
 
-def test_a_page_of_the_site_works_behind_that_server(browser):
-    check_served(browser, SITE, "05_incongruence.html", "conflict")
+def test_pages_of_the_site_work_behind_that_server(browser):
+    with served(browser, SITE) as (page, address):
+        page.goto(address + "05_incongruence.html")
+        assert said(press(page, "conflict")) is not None
+        page.evaluate("lateFrames()")
+        choice = "[data-ptae-embed=panel]:has([data-frame] > template) select"
+        page.locator(choice).first.select_option(index=1)
+        drawn(page.locator("iframe:visible").first)
+        page.goto(address + "index.html")
+        drawn(page.locator("iframe:visible").first)
+        place = press(page, "act")
+        place.get_by_role("button", name="Act").click()
+        drawn(place.locator("iframe"))
+
+
+def drawn(scene) -> None:
+    """Wait until a scene is drawn and can be played."""
+    scene.scroll_into_view_if_needed()
+    scene.content_frame.locator("#play:enabled").wait_for()
 
 
 # ---------------------------------------------------------------- Firefox
