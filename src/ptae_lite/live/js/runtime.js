@@ -9,7 +9,7 @@
     env.wasm.numThreads = 1; // more threads need headers that no folder sends
     env.wasm.proxy = false;
     env.wasm.wasmBinary = parts.wasm.buffer;
-    delete parts.wasm; // the runtime starts once, and has its own
+    delete parts.wasm; // the runtime starts once
     const module = new Blob([parts.mjs], {type: "text/javascript"});
     env.wasm.wasmPaths = {mjs: URL.createObjectURL(module)};
   }
@@ -23,7 +23,7 @@
     open() {
       return this.session ??= (started ??= start()).then(async () => {
         const session = await window.ort.InferenceSession.create(this.bytes, {executionProviders: ["wasm"]});
-        this.bytes = null; // the runtime has its own
+        this.bytes = window.ort.env.wasm.wasmBinary = null; // the runtime has its own
         return session;
       });
     }
@@ -41,7 +41,10 @@
   const tensor = (numbers, ...shape) =>
     new window.ort.Tensor(KINDS[numbers.constructor.name], numbers, shape);
 
-  // The networks of an unpacked pack, by name.
-  PtaeLive.networks = ({parts}) =>
-    Object.fromEntries(Object.entries(parts).map(([name, bytes]) => [name, new Network(bytes)]));
+  // The networks of an unpacked pack, by name. They are made once, and the pack forgets their bytes.
+  PtaeLive.networks = pack => {
+    pack.networks ??= Object.fromEntries(Object.entries(pack.parts).map(([name, bytes]) => [name, new Network(bytes)]));
+    pack.parts = {};
+    return pack.networks;
+  };
 }

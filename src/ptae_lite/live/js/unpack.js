@@ -30,7 +30,16 @@
     return made;
   }
 
-  async function load(name, loaded) {
+  let last; // packs are loaded one after another, so that the room for one is enough
+  function load(name, loaded) {
+    const before = last;
+    return last = (async () => {
+      await before?.catch(() => {});
+      return next(name, loaded);
+    })();
+  }
+
+  async function next(name, loaded) {
     if (!PtaeLive.packs[name]) throw new Error(`this site has no pack ${name}`);
     const {pieces: count, bytes} = PtaeLive.packs[name];
     await Promise.all(Array.from({length: count}, async (_, i) => {
