@@ -1,6 +1,6 @@
 """A network as an ONNX graph: what onnxruntime-web loads.
 
-Weights are stored in 13 bits. The graph first turns them into float32 and computes in it.
+Weights are stored in 16 bits. The graph first turns them into float32 and computes in it.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from torch.export import Dim
 
 from ptae_lite.live.networks import Part
 
-LEVELS = 2**12 - 1
+LEVELS = 2**15 - 1
 
 
 def graph(part: Part, short: bool = True) -> bytes:
     """The ONNX file of a network. The same weights give the same bytes.
 
     Args:
-        short: store matrices in 13 bits a number.
+        short: store matrices in 16 bits a number.
     """
     network = part.network.eval().requires_grad_(False)
     with warnings.catch_warnings():
@@ -61,9 +61,8 @@ def _forget_origin(model: onnx.ModelProto) -> None:
 
 
 def _shorten(made: onnx.GraphProto) -> None:
-    """Store every matrix as whole numbers, a scale for each row, and let two nodes turn them back.
-
-    A row's largest weight is 4,095 levels, so errors are about those of float16, in 13 bits.
+    """Store every matrix as whole numbers of 16 bits, a scale for each row, and let two nodes turn
+    them back. A row's largest weight is 32,767 levels, so errors are a tenth of float16's.
     """
     nodes, scales = [], []
     for tensor in made.initializer:
