@@ -52,8 +52,8 @@ def write(folder, name: str, parts: Mapping[str, bytes], about: Mapping | None =
     Returns:
         what a page must know before it loads them: the number of pieces and of bytes.
     """
-    told = json.dumps(about or {}).encode()
-    raw, places = joined(parts | {"about": told})
+    entries = json.dumps(about or {}).encode()
+    raw, places = joined(parts | {"about": entries})
     packed = zlib.compress(raw, 9)
     text = letters(packed)
     pieces = [text[i : i + PIECE] for i in range(0, len(text), PIECE)]
