@@ -10,10 +10,10 @@ from xml.etree import ElementTree
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from letters import bytes_of
 from PIL import Image
 
 from ptae_lite.book import late, lighter
-from ptae_lite.live import packing
 
 NUMBER = re.compile(r"-?\d+\.?\d*")
 DRAWING = '<svg xmlns="x" width="30pt" height="60pt" viewBox="0 0 30 60"></svg>'
@@ -44,9 +44,7 @@ def unpacked(path) -> str:
     """The text of a packed script."""
     script = path.read_bytes().decode("utf-16")
     letters, count = re.search('"(.*?)", bytes = new Uint8Array\\((\\d+)', script).groups()
-    bits = "".join(f"{ord(letter) - packing.FIRST:015b}" for letter in letters)
-    packed = (int(bits[8 * i : 8 * i + 8], 2) for i in range(int(count)))
-    return zlib.decompress(bytes(packed)).decode()
+    return zlib.decompress(bytes_of(letters, int(count))).decode()
 
 
 def test_pictures_come_late_and_keep_their_place(tmp_path):

@@ -7,6 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from letters import bytes_of
 
 from ptae_lite.data.signals import WIRING
 from ptae_lite.errors import PTAEError
@@ -15,11 +16,6 @@ from ptae_lite.live import clips, live_part, models, packing, scripts
 from ptae_lite.widgets.panels import Panel
 
 JS = Path(scripts.__file__).parent / "js"
-
-
-def bytes_of(letters: str, count: int) -> bytes:
-    bits = "".join(f"{ord(letter) - packing.FIRST:015b}" for letter in letters)
-    return bytes(int(bits[8 * i : 8 * i + 8], 2) for i in range(count))
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 14, 15, 16, 1000])
@@ -51,6 +47,11 @@ def test_a_pack_is_read_back_from_its_pieces(tmp_path, monkeypatch):
              told["parts"].items()}  # fmt: skip
     assert packing.json.loads(found.pop("about")) == {"says": "ü"} and found == parts
     assert told["parts"]["numbers"][2] == 2
+
+    (tmp_path / "mine.js").touch()
+    few = packing.write(tmp_path, "pack", {"one": b"abc"})  # older pieces go, nothing else
+    assert len(list(tmp_path.glob("pack.*.js"))) == few["pieces"] < len(files)
+    assert (tmp_path / "mine.js").exists()
 
 
 def woven(data: bytes, planes: int) -> bytes:

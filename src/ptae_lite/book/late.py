@@ -38,7 +38,10 @@ def taken(page: str, script: str) -> tuple[str, list[str]]:
 
 
 def take(site) -> None:
-    """Move what the panels of a built site hide at first out of its pages."""
+    """Move what the panels of a built site hide at first out of its pages.
+
+    Scenes are told the way to the site's root before, since a script beside a page has no own.
+    """
     site = Path(site)
     for path in site.rglob("*.html"):
         name = path.relative_to(site).with_suffix(".js")

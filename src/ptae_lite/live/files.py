@@ -93,8 +93,6 @@ def write(folder) -> dict:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.js"):  # a pack may have had more pieces
-        old.unlink()
     torch.set_num_threads(1)
     samples = load_samples("recording")
     packs = {"ort": runtime(folder), "book": book(folder, samples)}

@@ -44,7 +44,7 @@ def joined(parts: Mapping[str, bytes]) -> tuple[bytes, dict[str, list[int]]]:
 
 
 def write(folder, name: str, parts: Mapping[str, bytes], about: Mapping | None = None) -> dict:
-    """Write `NAME.0.js`, `NAME.1.js`, ... into a folder.
+    """Write `NAME.0.js`, `NAME.1.js`, ... into a folder; older pieces of that name go.
 
     Args:
         about: further entries that the page is told, as JSON.
@@ -58,6 +58,8 @@ def write(folder, name: str, parts: Mapping[str, bytes], about: Mapping | None =
     text = letters(packed)
     pieces = [text[i : i + PIECE] for i in range(0, len(text), PIECE)]
     opening = json.dumps({"bytes": len(packed), "parts": places})
+    for old in Path(folder).glob(f"{name}.*.js"):
+        old.unlink()
     size = 0
     for i, piece in enumerate(pieces):
         script = (
