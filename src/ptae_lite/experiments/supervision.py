@@ -189,7 +189,17 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
             labels, own["supervised"] = Labels("few updates"), job.share / 100
         else:
             labels = labels_of(job)
-    return experiment(samples, job.model, {}, own, job.seed, split=split, labels=labels)
+    return experiment(samples, job.model, {}, own, job.seed, split=split, labels=labels,
+                      name=_weights_of(job))  # fmt: skip
+
+
+def _weights_of(job: Job) -> str:
+    """The name of a job's file of weights, such as `ptae, labelled 5`."""
+    if job.regular:
+        return job.model
+    if (job.mode, job.variant) == ("samples", "balanced"):
+        return f"{job.model}, labelled {job.share:g}"
+    return f"{job.model}, {job.mode} {job.variant} {job.share:g}"
 
 
 def score(trained: Trained | None, samples: Samples, job: Job, split: str = "train") -> dict:
@@ -252,15 +262,16 @@ def examples(trained: Trained, samples: Samples) -> pd.DataFrame:
 
 
 def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recipe | None = None,
-          **where) -> pd.DataFrame:  # fmt: skip
+          weights=None, **where) -> pd.DataFrame:  # fmt: skip
     """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
         recipe: for all trainings; None for each model's own.
+        weights: a folder of trained models.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]
     made = Study(FILE, KEY, partial(_experiment, recipe), _score, companions={SENTENCES: KEY})
-    return runner.run(made, samples, rows, folder, **where)
+    return runner.run(made, samples, rows, folder, weights, **where)
 
 
 def named(samples: Samples, job: Job) -> tuple:
@@ -280,6 +291,7 @@ def add_options(parser: ArgumentParser) -> None:
     """Add the options of the study."""
     data_options(parser)
     options.trainings(parser, SEEDS)
+    options.weights(parser)
     parser.add_argument("--models", nargs="+", metavar="NAME", help="which models")
     parser.add_argument("--modes", nargs="+", metavar="NAME", help="samples, iterations")
     parser.add_argument("--variants", nargs="+", metavar="NAME", help="which variants")
@@ -294,5 +306,5 @@ def command(given) -> dict:
     samples = options.samples(given)
     jobs = select(grid(given.seeds, given.core), model=given.models, mode=given.modes,
                   variant=given.variants, share=given.shares)  # fmt: skip
-    table = study(samples, given.out, jobs, **options.where(given))
+    table = study(samples, given.out, jobs, weights=given.weights, **options.where(given))
     return options.result(given, FILE, table, samples)
