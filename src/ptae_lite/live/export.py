@@ -17,6 +17,7 @@ from torch.export import Dim
 from ptae_lite.live.networks import Part
 
 LEVELS = 2**15 - 1
+OPSET = 21  # the first in which whole numbers of 16 bits are weights
 
 
 def graph(part: Part, short: bool = True) -> bytes:
@@ -31,11 +32,12 @@ def graph(part: Part, short: bool = True) -> bytes:
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
         program = torch.onnx.export(
             network, tuple(part.inputs.values()), dynamo=True, verbose=False,
-            input_names=list(part.inputs), output_names=list(part.outputs),
+            input_names=list(part.inputs), output_names=list(part.outputs), opset_version=OPSET,
             dynamic_shapes=_lengths(part),
         )  # fmt: skip
     model = program.model_proto
     _forget_origin(model)
+    _choose(model.graph)
     if short:
         _shorten(model.graph)
     return model.SerializeToString(deterministic=True)
@@ -60,8 +62,31 @@ def _forget_origin(model: onnx.ModelProto) -> None:
     model.doc_string = model.graph.doc_string = ""
 
 
+def _choose(made: onnx.GraphProto) -> None:
+    """Let `Where` make numbers of truth values, where the exporter takes `Cast`.
+
+    The runtime's `Cast` is one function for all pairs of types, half a megabyte of code. Once it
+    has run a few times, a browser takes seconds and 100 MB to make it fast.
+    """
+    truth = {one.name: one.name for one in made.input
+             if one.type.tensor_type.elem_type == TensorProto.BOOL}  # fmt: skip
+    for node in made.node:
+        source, (out, *_) = truth.get(node.input[0]) if node.input else None, node.output
+        if node.op_type in ("Equal", "Less", "Greater"):
+            truth[out] = out
+        elif source and node.op_type in ("Unsqueeze", "Reshape"):
+            truth[out] = out
+        elif source and node.op_type == "Cast":
+            truth[out] = source
+            kind = helper.tensor_dtype_to_np_dtype(node.attribute[0].i)
+            both = [numpy_helper.from_array(kind.type(value), f"{out}.{value}") for value in (1, 0)]
+            made.initializer.extend(both)
+            names = [source, *(one.name for one in both)]
+            node.CopyFrom(helper.make_node("Where", names, [out]))
+
+
 def _shorten(made: onnx.GraphProto) -> None:
-    """Store every matrix as whole numbers of 16 bits, a scale for each row, and let two nodes turn
+    """Store every matrix as whole numbers of 16 bits, a scale for each row, and let a node turn
     them back. A row's largest weight is 32,767 levels, so errors are a tenth of float16's.
     """
     nodes, scales = [], []
@@ -73,11 +98,9 @@ def _shorten(made: onnx.GraphProto) -> None:
         scale = np.where(top > 0, top, 1).astype(np.float32) / LEVELS
         levels = np.rint(matrix / scale).astype(np.int16)
         tensor.CopyFrom(numpy_helper.from_array(levels, f"{name}.levels"))
-        scales.append(numpy_helper.from_array(scale, f"{name}.scale"))
-        nodes += [
-            helper.make_node("Cast", [f"{name}.levels"], [f"{name}.whole"], to=TensorProto.FLOAT),
-            helper.make_node("Mul", [f"{name}.whole", f"{name}.scale"], [name]),
-        ]
+        scales.append(numpy_helper.from_array(scale.ravel(), f"{name}.scale"))
+        inputs = [f"{name}.levels", f"{name}.scale"]
+        nodes.append(helper.make_node("DequantizeLinear", inputs, [name], axis=0))
     made.initializer.extend(scales)
     rest = list(made.node)
     del made.node[:]
