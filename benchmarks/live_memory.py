@@ -3,8 +3,8 @@
     python benchmarks/live_memory.py [PAGE] [--runs N] [--curve]
 
 PAGE is a page with the acting part (default: build/html/index.html). What is measured is the
-memory that the page's process has for itself: the proportional counts of shared libraries are
-left out. It is read 20 times a second, so short peaks may be missed. Linux only.
+memory that the page's process has for itself, without what it shares with others. It is read 20
+times a second, so shorter peaks may be missed. Linux only.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ import psutil
 
 ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
-FLAGS = [*__import__("os").environ.get("XF","").split("|")[:1 if __import__("os").environ.get("XF") else 0], "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 EVERY_S = 0.05
 SENTENCES = ("push {} slowly", "slide {} fast")
 PHASES = {  # what happens in each, until its end
     "page": "before the button is pressed",
     "loading": "until the part is ready",
-    "after": "the next 6 s",
+    "after": "the next 5 s",
     "acting": "two sentences, acted and described",
     "rest": "3 s later",
 }
@@ -80,13 +80,13 @@ def measured(address: str) -> Watch:
         watch = Watch()
         watch.start()
         page.goto(address)
-        page.wait_for_timeout(4000)
+        page.wait_for_timeout(2000)
         watch.phase = "loading"
         place = page.locator("[data-ptae-live]").first
         place.locator("button").first.click()
         page.locator("[data-ptae-live][data-state=ready]").wait_for()
         watch.phase = "after"
-        page.wait_for_timeout(6000)
+        page.wait_for_timeout(5000)
         watch.phase = "acting"
         sentence = place.get_by_label("sentence")
         colour = sentence.input_value().split()[1]

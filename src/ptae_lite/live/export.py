@@ -17,6 +17,7 @@ from torch.export import Dim
 from ptae_lite.live.networks import Part
 
 LEVELS = 2**15 - 1
+SAME = ("Unsqueeze", "Reshape", "Slice", "ReduceMax")  # of truth values they make truth values
 OPSET = 21  # the first in which whole numbers of 16 bits are weights
 
 
@@ -37,7 +38,7 @@ def graph(part: Part, short: bool = True) -> bytes:
         )  # fmt: skip
     model = program.model_proto
     _forget_origin(model)
-    _choose(model.graph)
+    _without_casts(model.graph)
     if short:
         _shorten(model.graph)
     return model.SerializeToString(deterministic=True)
@@ -62,27 +63,35 @@ def _forget_origin(model: onnx.ModelProto) -> None:
     model.doc_string = model.graph.doc_string = ""
 
 
-def _choose(made: onnx.GraphProto) -> None:
-    """Let `Where` make numbers of truth values, where the exporter takes `Cast`.
+def _without_casts(made: onnx.GraphProto) -> None:
+    """Let `Where` make numbers of truth values, and `Greater` make truth of them, not `Cast`.
 
-    The runtime's `Cast` is one function for all pairs of types, half a megabyte of code. Once it
+    The runtime's `Cast` is one function for all pairs of types, half a megabyte of code. When it
     has run a few times, a browser takes seconds and 100 MB to make it fast.
     """
     truth = {one.name: one.name for one in made.input
              if one.type.tensor_type.elem_type == TensorProto.BOOL}  # fmt: skip
+    kinds = {}  # of numbers that are 0 or 1
+
+    def constant(name: str, value) -> str:
+        made.initializer.append(numpy_helper.from_array(np.array(value), name))
+        return name
+
     for node in made.node:
-        source, (out, *_) = truth.get(node.input[0]) if node.input else None, node.output
-        if node.op_type in ("Equal", "Less", "Greater"):
+        first, out = next(iter(node.input), ""), node.output[0]
+        to = node.attribute[0].i if node.op_type == "Cast" else None
+        if to == TensorProto.BOOL and first in kinds:
+            zero = constant(f"{out}.zero", kinds[first].type(0))
+            node.CopyFrom(helper.make_node("Greater", [first, zero], [out]))
             truth[out] = out
-        elif source and node.op_type in ("Unsqueeze", "Reshape"):
+        elif to is not None and first in truth:
+            kinds[out], truth[out] = helper.tensor_dtype_to_np_dtype(to), truth[first]
+            both = [constant(f"{out}.{value}", kinds[out].type(value)) for value in (1, 0)]
+            node.CopyFrom(helper.make_node("Where", [truth[first], *both], [out]))
+        elif node.op_type == "Equal" or node.op_type in SAME and first in truth.keys() - kinds:
             truth[out] = out
-        elif source and node.op_type == "Cast":
-            truth[out] = source
-            kind = helper.tensor_dtype_to_np_dtype(node.attribute[0].i)
-            both = [numpy_helper.from_array(kind.type(value), f"{out}.{value}") for value in (1, 0)]
-            made.initializer.extend(both)
-            names = [source, *(one.name for one in both)]
-            node.CopyFrom(helper.make_node("Where", names, [out]))
+        elif node.op_type in SAME and first in kinds:
+            kinds[out] = kinds[first]
 
 
 def _shorten(made: onnx.GraphProto) -> None:
