@@ -182,7 +182,7 @@ def test_fewer_labels_are_asked_beside_all(page):
     until(lambda: answered(place) > count)
     last = place.locator("tr").last.inner_text()
     assert "pull" in last and "≠" not in last
-    choose(place, "trained with", "5 % of the labels")
+    choose(place, "share of the labels", "5 %")
     assert place.locator("tr th[scope=row]").all_inner_texts() == ["5 %"]
     assert len(said(place).split("; ")) == 1 and "stored" in place.inner_text()
 

@@ -218,7 +218,8 @@ def score(trained: Trained | None, samples: Samples, job: Job, split: str = "tra
         return {FILE: pd.DataFrame([row])}
     about = trained.about
     row |= {"labelled": about["labelled"]} | scores(trained, samples, scored)
-    row |= {name: about[name] for name in ("supervised_samples_seen", "steps", "seconds")}
+    row |= {name: about[name] for name in ("supervised_samples_seen", "steps")}
+    row |= {"seconds": about.get("seconds")}  # weights that `train` wrote do not say them
     row |= {"versions": versions}
     rows, said = pd.DataFrame([row]), examples(trained, samples).assign(**{k: row[k] for k in KEY})
     named = [{"mode": name.mode, "share": float(name.share)} for name in _names(job)]

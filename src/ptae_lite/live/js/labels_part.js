@@ -3,16 +3,16 @@
 "use strict";
 {
   const {element, choice, clips, latest} = PtaeLive.form;
-  const EVERY = "every";
+  const EVERY = "every", percent = shares => `${shares.join(", ")} %`;
 
   PtaeLive.parts.labels = async (room, show) => {
     const names = Object.keys(PtaeLive.labelled), shares = Object.values(PtaeLive.labelled);
     await PtaeLive.load(PtaeLive.packsOf("labels"), show);
     const [book] = await PtaeLive.load(["book"]), models = await Promise.all(names.map(name => PtaeLive.PTAE.open(name)));
     const language = new PtaeLive.Language(book.about), all = PtaeLive.clips(book);
-    const clip = clips(all, "clip", () => ask()), percents = shares.map(share => `${share} %`).join(", ");
-    const trained = choice("trained with", {[EVERY]: `${percents} of the labels, side by side`,
-      ...Object.fromEntries(names.map((name, k) => [name, `${shares[k]} % of the labels`]))}, () => ask());
+    const clip = clips(all, "clip", () => ask()), percents = percent(shares);
+    const trained = choice("share of the labels", {[EVERY]: `${percents}, side by side`,
+      ...Object.fromEntries(names.map((name, k) => [name, percent([shares[k]])]))}, () => ask());
     trained.row.hidden = names.length < 2;
     const said = element("p", {"aria-live": "polite", class: "ptae-live-said"}), answer = element("div");
 
@@ -27,8 +27,8 @@
           done: words.length === truth.length && right.every(Boolean)});
       }
       answer.replaceChildren(table(rows));
-      const good = rows.filter(one => one.done).map(one => `${one.share} %`);
-      said.textContent = `The clip shows “${own.sentence}”. ` + (good.length ? `Right: with ${good.join(", ")} of the labels.`
+      const good = rows.filter(one => one.done).map(one => one.share);
+      said.textContent = `The clip shows “${own.sentence}”. ` + (good.length ? `Right: with ${percent(good)} of the labels.`
         : rows.length > 1 ? "None is right." : "What it says is wrong.");
       said.dataset.sentence = rows.map(one => one.words.join(" ")).join("; ");
       room.dataset.answered = Number(room.dataset.answered ?? 0) + 1;
@@ -46,7 +46,7 @@
     const head = element("tr", {}, element("th", {scope: "col"}, "labels"), element("th", {scope: "col"}, "it says"));
     const lines = rows.map(({share, words, right, sure}) => element("tr", {}, element("th", {scope: "row"}, `${share} %`),
       element("td", {}, ...words.flatMap((word, i) => [
-        element("span", {class: right[i] ? "" : "ptae-live-false"}, right[i] ? word : `≠ ${word}`), ` (${(100 * sure[i]).toFixed(0)} %) `]))));
+        element("span", {class: right[i] ? "" : "ptae-live-false"}, right[i] ? word : `≠\u00a0${word}`), ` (${(100 * sure[i]).toFixed(0)} %) `]))));
     return element("table", {class: "ptae-live-table"}, head, ...lines);
   }
 }
