@@ -30,6 +30,7 @@ from ptae_lite.evaluation import correct, evaluate, respond, sentences, word_acc
 from ptae_lite.experiments import options, runner
 from ptae_lite.experiments.experiment import Experiment, Labels, experiment
 from ptae_lite.experiments.labels import chosen, linear_scores
+from ptae_lite.experiments.pseudo_labels import pseudo_labelled
 from ptae_lite.experiments.runner import Study
 from ptae_lite.language import patterns, sentence
 from ptae_lite.models import MODELS
@@ -69,8 +70,10 @@ VARIANTS = {
         {"shuffle_scenes": True}
     ),  # balanced, and a sentence to repeat comes with the scene of another sample
     "covering": Variant(),  # balanced, too; the labelled samples name every word
+    "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
+DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
 
 class Job(NamedTuple):
@@ -106,7 +109,7 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     """
     found = [
         Job("linear", "samples", variant, share, seed)
-        for variant in ("random", "covering") for share in SHARES["samples"][:-1]
+        for variant in ("random", "covering", "pseudo-labels") for share in SHARES["samples"][:-1]
         for seed in range(DRAWS)
     ]  # fmt: skip
     found += [Job("linear", "samples", "random", 100, 0)]  # all labels can be drawn in one way only
@@ -127,6 +130,8 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
             more(model, "samples", "covering", seed, 1, 2, 5)
             more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
             more(model, "samples", "paper", seed, *SHARES["samples"])
+    for seed in () if core else seeds:
+        more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
     return list(dict.fromkeys(map(_once, found)))
 
 
@@ -213,7 +218,10 @@ def score(trained: Trained | None, samples: Samples, job: Job, split: str = "tra
     versions = f"torch {version('torch')}, numpy {version('numpy')}"
     if trained is None:
         own = labelled(samples, job, split)
-        row |= {"labelled": len(own)} | linear_scores(samples, own, scored)
+        row |= {"labelled": len(own)}
+        if job.variant == "pseudo-labels":
+            samples, own = pseudo_labelled(samples, split, own), samples.split(split)
+        row |= linear_scores(samples, own, scored)
         row |= {"seconds": round(time.process_time() - begun, 1), "versions": versions}
         return {FILE: pd.DataFrame([row])}
     about = trained.about
@@ -234,7 +242,7 @@ def labelled(samples: Samples, job: Job, split: str = "train") -> np.ndarray:
 
 def labels_of(job: Job) -> Labels:
     """How the labelled samples of a job are chosen."""
-    return Labels("covering" if job.variant == "covering" else "random", job.share)
+    return Labels(DRAWN.get(job.variant, "random"), job.share)
 
 
 def fit(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "train",

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -87,6 +87,27 @@ def tiles(
         axes.grid(False)
         axes.grid(which="minor", color="#BBBBBB")
         axes.tick_params(which="both", length=0)
+    return style.closed(figure)
+
+
+def edges(graph: Float[np.ndarray, "M M"], blocks: Sequence[str], sizes: Sequence[int]) -> Figure:
+    """The edges of a graph whose nodes are sorted by blocks: a dot where two nodes are joined.
+
+    Args:
+        blocks: names, in order.
+        sizes: nodes of each block.
+    """
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 4.0))
+    row, column = np.nonzero(graph)
+    axes.plot(column, row, ".", ms=1.4, mew=0, color=style.BLUE, rasterized=True)
+    ends = np.cumsum(sizes)
+    axes.set(xlim=(0, len(graph)), ylim=(len(graph), 0), aspect="equal", xticks=[])
+    axes.set_yticks(ends - np.asarray(sizes) / 2, blocks)
+    axes.tick_params(length=0)
+    for end in ends[:-1]:
+        axes.axhline(end, color="#E4E4E4", lw=0.6)
+        axes.axvline(end, color="#E4E4E4", lw=0.6)
+    axes.grid(visible=False)
     return style.closed(figure)
 
 
