@@ -19,6 +19,9 @@ DASHES = ("-", "--", "-.", ":")
 SHARES = (1, 2, 5, 10, 20, 50, 100)  # ticks of an axis of shares
 
 
+LONGEST_NAME = 20  # letters that fit at the left end of a curve
+
+
 def strips(
     panels: Mapping[str, Mapping[str, Collection[float]]], x_label: str, chance: float | None = None
 ) -> Figure:
@@ -115,8 +118,8 @@ def by_share(
     panels: Mapping[str, Mapping[str, pd.Series]], x_label: str, *,
     levels: Mapping[str, float] | None = None, top: Mapping[str, float] | None = None,
 ) -> Figure:  # fmt: skip
-    """Curves over the share of labels (logarithmic), each with its name at its left end (of more
-    than three, in a legend).
+    """Curves over the share of labels (logarithmic), each with its name at its left end; or in a
+    legend, if there are more than three or a name is long.
 
     Args:
         panels: label of the vertical axis to named curves: values by share in percent.
@@ -130,12 +133,13 @@ def by_share(
             look = {"color": style.of_model(name, COLOURS[k]), "marker": MARKS[k], "ms": 4.5}
             axes.plot(curve.index, curve, DASHES[k], **look)
         high = (top or {}).get(label, 105)
-        in_legend = len(curves) > 3  # too many for the left end
+        in_legend = len(curves) > 3 or max(map(len, curves)) > LONGEST_NAME
         axes.set(ylabel=label, xscale="log", ylim=(0, high), xlim=(0.8 if in_legend else 0.17, 120))
         axes.set_xticks(SHARES, SHARES)
         axes.minorticks_off()
         if in_legend:
-            axes.legend(axes.lines, list(curves), loc="upper left")
+            where = "upper left" if len(curves) > 3 else "lower right"
+            axes.legend(axes.lines, list(curves), loc=where)
             continue
         for y, (k, name) in _apart(curves, 0.075 * high).items():
             first = next(iter(curves[name].index))
