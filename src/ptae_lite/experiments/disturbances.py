@@ -77,7 +77,10 @@ def draw(scene: Scene, condition: str) -> dict:
         row["draws"], what = number, _draw(rng, scene, condition, which)
         if what is None:
             return row | {"valid": 0, "reason": NOT_FREE}
-        knows, unaware = (_verdict(scene, planner, what) for planner in (Planner, UnawarePlanner))
+        unaware = _verdict(scene, UnawarePlanner, what)
+        if condition == "moved" and unaware.success and number < DRAWS:
+            continue
+        knows = _verdict(scene, Planner, what)
         row |= _columns(what, which if condition in ("moved", "late") else "")
         row |= {"knows": int(knows.success), "knows_reason": knows.reason,
                 "unaware": int(unaware.success), "unaware_reason": unaware.reason}  # fmt: skip

@@ -64,7 +64,7 @@ def correct(
     places = cubes[:, :2] if before_stroke else phase.places_m
     now = replace(variation, places_m=places)
     ahead = min(phase.clock + step, CLOCK[-1])
-    here, there = motions.points_at(pattern, now, np.array([phase.clock, ahead]))
+    here, there = motions.points_at(pattern, now, np.array([phase.clock, ahead], dtype=float))
     off = tip_m - here
     if before_stroke and ahead >= stroke and np.linalg.norm(off) > READY_M:
         ahead, there = phase.clock, here
