@@ -87,7 +87,7 @@ def test_it_does_not_come_down_before_it_is_above_the_place():
     aside = np.linalg.norm(tips[:, :2] - start, axis=1)
     assert aside[0] > 0.035
     high = TABLE_TOP_M + drawn.high_m
-    assert (tips[aside > corrections.FAR_M, 2] > high - 1e-9).all()
+    assert (tips[aside > corrections.FAR_M, 2] > high - 1e-3).all()
     assert tips[-1, 2] < high - 0.04 and aside[-1] < corrections.CLOSE_M
 
 

@@ -166,8 +166,10 @@ def disturbance_of(row) -> Disturbance:
 def read(path) -> pd.DataFrame:
     """The table, with empty texts where nothing went wrong."""
     table = tables.read(Path(path), KEY)
-    texts = [name for name in ("reason", "cubes") if name in table]
-    return table.fillna(dict.fromkeys(texts, ""))
+    for name in ("reason", "cubes", "knows_reason", "unaware_reason"):
+        if name in table:
+            table[name] = table[name].astype(object).fillna("")
+    return table
 
 
 def study(folder, splits=("held_out",), conditions=CONDITIONS, workers: int = 1,
