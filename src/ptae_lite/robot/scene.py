@@ -79,6 +79,8 @@ class Scene:
         RobotError: there is no such colour, or PyBullet is not installed.
     """
 
+    _light = LIGHT
+
     def __init__(self, colours, places_m=NOMINAL_PLACES_M, yaws_rad=(0.0, 0.0)):
         self._client = None
         for colour in colours:
@@ -165,7 +167,7 @@ class Scene:
         p = self._p
         *_, pixels, _, _ = p.getCameraImage(
             IMAGE_WIDTH, IMAGE_HEIGHT, self._view, self._projection, shadow=0,
-            renderer=p.ER_TINY_RENDERER, flags=p.ER_NO_SEGMENTATION_MASK, **LIGHT, **self._at,
+            renderer=p.ER_TINY_RENDERER, flags=p.ER_NO_SEGMENTATION_MASK, **self._light, **self._at,
         )  # fmt: skip
         if not isinstance(pixels, np.ndarray):  # this PyBullet was built without numpy
             pixels = np.frombuffer(bytes(pixels), np.uint8).reshape(IMAGE_HEIGHT, IMAGE_WIDTH, 4)
@@ -180,6 +182,36 @@ class Scene:
         """Poses of the left and the right cube: position in metres, then quaternion x y z w."""
         poses = (self._p.getBasePositionAndOrientation(c, **self._at) for c in self.cube_ids)
         return np.array([[*position, *turn] for position, turn in poses])
+
+    def put(self, places_m: Float[np.ndarray, "2 2"]) -> None:
+        """Take the cubes to other places in an instant; they stand still there, turned as before.
+
+        Args:
+            places_m: x and y of the left and the right cube. One that is where it is to be is not
+                touched.
+        """
+        p = self._p
+        for cube, (x, y) in zip(self.cube_ids, places_m, strict=True):
+            (here_x, here_y, z), turn = p.getBasePositionAndOrientation(cube, **self._at)
+            if (x, y) != (here_x, here_y):
+                p.resetBasePositionAndOrientation(cube, (x, y, z), turn, **self._at)
+                p.resetBaseVelocity(cube, (0, 0, 0), (0, 0, 0), **self._at)
+
+    def alter(self, friction: float = 1.0, mass: float = 1.0, light: float = 1.0) -> None:
+        """Make the cubes more slippery or heavier, or the light another.
+
+        Args:
+            friction: of the cubes, as a share of the usual one.
+            mass: of the cubes, likewise.
+            light: its brightness, likewise.
+        """
+        for cube in self.cube_ids:
+            self._p.changeDynamics(
+                cube, -1, lateralFriction=friction * CUBE_FRICTION, mass=mass * CUBE_MASS_KG,
+                **self._at,
+            )  # fmt: skip
+        parts = ("lightAmbientCoeff", "lightDiffuseCoeff")
+        self._light = LIGHT | {name: light * LIGHT[name] for name in parts}
 
     def drive(self, target_rad: Float[np.ndarray, " 5"]) -> tuple[bool, bool]:
         """Move the arm to `target_rad` in one frame (40 ms) of physics.
