@@ -3,38 +3,36 @@
 ::
 
     sentence, first look --PTAE--> h --TaskReader--> side, action, speed --\\
-    image now, first image --PlaceReader--> places of the cubes --memory--> HandPlanner --> wish
-    measured joints --forward kinematics--> place of the hand --------------/
+    image now, first image --PlaceReader--> places of the cubes -------HandPlanner --> wish
+    measured joints --forward kinematics--> place of the hand -------------/
 
-The PTAE stays as it was trained. Its code tells once, at the first look, what is to be done. From
-then on the policy asks at every frame where the named cube is and where the hand is, and answers
-with the place where the hand is to be in the next frame. Inverse kinematics turns it into joints.
+The PTAE stays as it was trained, and does its four tasks as before. Its code tells once, at the
+first look, what is to be done. From then on the policy asks at every frame where the named cube is
+and where the hand is, and answers with the place where the hand is to be in the next frame. Inverse
+kinematics turns it into joints.
 
-Places and wishes are in the robot's coordinates, in metres. What happens before the touch is a
-matter of the cube; so a wish is given as a share of the cube's place and a rest that does not know
-of it.
+It also describes a clip of any length, such as its own act: from the frames that there are, without
+padding, and with a clock.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import NamedTuple
+from dataclasses import asdict, dataclass, field
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from ptae_lite.errors import ConfigError
-from ptae_lite.language import ACTIONS, SIDES, SPEEDS
-from ptae_lite.models.common import check_sizes
-from ptae_lite.models.recurrent import open_forget_gates
-from ptae_lite.robot import arm
+from ptae_lite.data.samples import MAX_FRAMES
+from ptae_lite.data.signals import WORDS_OUT, Batch
+from ptae_lite.language import ACTIONS, EOS, SIDES, SPEEDS, signal_index
+from ptae_lite.models.common import Answer, check_sizes
+from ptae_lite.models.hand_planner import HandPlanner, Memory
+from ptae_lite.models.ptae import PTAE, PTAEConfig
 from ptae_lite.robot.scene import NOMINAL_PLACES_M
 
 KINDS = (len(SIDES), len(ACTIONS), len(SPEEDS))  # choices of a task
 PLACE_UNIT_M = 0.03  # a cube is mostly within this of the middle of its places
-HAND_UNIT_M = 0.1
-NEAR_UNIT_M = 0.03
 
 
 @dataclass(frozen=True)
@@ -45,18 +43,18 @@ class WatcherConfig:
         ConfigError: a value makes no sense.
     """
 
-    features: int = 30
-    hidden: int = 256  # of the PTAE's code
+    ptae: PTAEConfig = field(default_factory=PTAEConfig)
     task_units: int = 64
     place_units: int = 128
     gate_units: int = 32
     units: int = 128
     layers: int = 2
-    # Controls: what is taken away from it.
-    freeze_video: bool = False  # it sees the first image only, at every frame
-    feel_hand: bool = True  # it measures its joints; False: it believes its own last wish
+    clock_units: int = 8
+    blind: bool = False  # a control: it sees the first image only, and does not feel its hand
 
     def __post_init__(self):
+        if not isinstance(self.ptae, PTAEConfig):  # read from a file
+            object.__setattr__(self, "ptae", PTAEConfig(**self.ptae))
         check_sizes(self, *(name for name, value in asdict(self).items() if type(value) is int))
 
 
@@ -76,6 +74,12 @@ class TaskReader(nn.Module):
     def decide(self, code: Float[Tensor, "B H"]) -> Int[Tensor, "B 3"]:
         """The most likely side, action and speed, as numbers."""
         return torch.stack([scores.argmax(1) for scores in self(code)], dim=1)
+
+
+def one_of_each(task: Int[Tensor, "B 3"]) -> Float[Tensor, "B K"]:
+    """Side, action and speed as numbers to a vector with a 1 for each."""
+    parts = [nn.functional.one_hot(task[:, i], kinds) for i, kinds in enumerate(KINDS)]
+    return torch.cat(parts, dim=1).float()
 
 
 class PlaceReader(nn.Module):
@@ -98,96 +102,83 @@ class PlaceReader(nn.Module):
         return self.middle + PLACE_UNIT_M * read.unflatten(-1, (2, 2))
 
 
-class Memory(NamedTuple):
-    """What the policy keeps from frame to frame.
-
-    Args:
-        place_m: where it believes the named cube to be, or to have been at the touch.
-        states: of the recurrent layers.
-    """
-
-    place_m: Float[Tensor, "B 2"]
-    states: tuple[Tensor, Tensor]
-
-
-class HandPlanner(nn.Module):
-    """Task, place of the named cube and place of the hand to the hand's next place.
-
-    The remembered place `m` follows what is read of the named cube as far as a gate is open::
-
-        m' = m + gate (read - m)
-
-    The gate sees the hand, the hand's way from the cube, and the task. It learns to close when the
-    arm hides the cube or moves it. A recurrent network sees the same, and answers ::
-
-        wish = home + share (m' - home) + rest
-
-    with a share between 0 and 1 for the horizontal place.
-    """
-
-    def __init__(self, config: WatcherConfig):
-        super().__init__()
-        task, c = sum(KINDS), config
-        self.gate = nn.Sequential(
-            nn.Linear(task + 6, c.gate_units), nn.Tanh(), nn.Linear(c.gate_units, 1)
-        )
-        self.lstm = nn.LSTM(task + 8, c.units, c.layers, batch_first=True)
-        open_forget_gates(self.lstm)
-        self.share, self.rest = nn.Linear(c.units, 2), nn.Linear(c.units, 3)
-        self.register_buffer("home", torch.tensor(arm.HOME_TIP_M), persistent=False)
-        self.register_buffer(
-            "middle", torch.tensor(NOMINAL_PLACES_M, dtype=torch.float32), persistent=False
-        )
-
-    def remember(self, task, read, hand, place) -> Float[Tensor, "B 2"]:
-        """The remembered place after one more look."""
-        seen = torch.cat([task, *self._hand(hand, read)], dim=1)
-        return place + torch.sigmoid(self.gate(seen)) * (read - place)
-
-    def _hand(self, hand, place):
-        off = torch.cat([hand[..., :2] - place, hand[..., 2:] - self.home[2]], dim=-1)
-        return (hand - self.home) / HAND_UNIT_M, off / NEAR_UNIT_M
-
-    def forward(
-        self, task: Float[Tensor, "B K"], read: Float[Tensor, "B T 2"],
-        hand: Float[Tensor, "B T 3"], memory: Memory | None = None,
-    ):  # fmt: skip
-        """Wishes for the hand (B, T, 3), remembered places (B, T, 2), and the memory.
-
-        Args:
-            task: side, action and speed, each as one of its kinds.
-            read: the place that is read of the named cube, in metres.
-            hand: where the hand is, in metres.
-            memory: from the frame before; None at the first.
-        """
-        place, places = read[:, 0] if memory is None else memory.place_m, []
-        for r, h in zip(read.unbind(1), hand.unbind(1), strict=True):
-            place = self.remember(task, r, h, place)
-            places.append(place)
-        kept = torch.stack(places, dim=1)
-        at = (kept - self.middle.mean(0)) / HAND_UNIT_M
-        every = task[:, None].expand(-1, hand.shape[1], -1)
-        inputs = torch.cat([every, *self._hand(hand, kept), at], dim=2)
-        hidden, states = self.lstm(inputs, None if memory is None else memory.states)
-        wish = self.home + HAND_UNIT_M * self.rest(hidden)
-        follow = torch.sigmoid(self.share(hidden)) * (kept - self.home[:2])
-        return wish + nn.functional.pad(follow, (0, 1)), kept, Memory(place, states)
-
-
-def one_of_each(numbers: Int[Tensor, "B 3"]) -> Float[Tensor, "B K"]:
-    """Side, action and speed as numbers to a vector with a 1 for each."""
-    parts = [nn.functional.one_hot(numbers[:, i], kinds) for i, kinds in enumerate(KINDS)]
-    return torch.cat(parts, dim=1).float()
-
-
 class Watcher(nn.Module):
-    """The parts that are trained beside a PTAE."""
+    """A PTAE, and what it needs to watch, to correct its hand, and to tell of it."""
 
     kind = "watcher"
 
     def __init__(self, config: WatcherConfig = WatcherConfig()):
         super().__init__()
-        self.config = c = config
-        self.task = TaskReader(c.hidden, c.task_units)
-        self.places = PlaceReader(c.features, c.place_units)
-        self.plan = HandPlanner(c)
+        self.config, p, c = config, config.ptae, config
+        self.ptae = PTAE(p)
+        self.task = TaskReader(p.hidden, c.task_units)
+        self.places = PlaceReader(p.features, c.place_units)
+        self.plan = HandPlanner(sum(KINDS), c.units, c.layers, c.gate_units)
+        self.clock = nn.Sequential(
+            nn.Linear(1, c.clock_units), nn.Tanh(), nn.Linear(c.clock_units, p.hidden)
+        )
+
+    def forward(self, batch: Batch) -> Answer:
+        """The answer of the PTAE to a batch."""
+        return self.ptae(batch)
+
+    def code(
+        self, tokens: Int[Tensor, "B 6"], there: Tensor, keys: Float[Tensor, "B T K"]
+    ) -> Float[Tensor, "B H"]:
+        """The PTAE's code, from frames without padding.
+
+        Args:
+            there: which tokens are not padding.
+            keys: features and joints of each frame. A still image is one frame: the code of the
+                same frame many times is the same.
+        """
+        words = self.ptae.words_in(tokens, there).to(keys.dtype)
+        return self.ptae.encoder(words, there, keys, torch.ones_like(keys[..., 0]) > 0)[0]
+
+    def listen(self, tokens: Int[Tensor, "B 6"], first: Float[Tensor, "B K"]):
+        """The code of sentences and the first look."""
+        return self.code(tokens, torch.ones_like(tokens) > 0, first[:, None])
+
+    def watch(self, keys: Float[Tensor, "B T K"]) -> Float[Tensor, "B H"]:
+        """The code of *describe* for clips of one length, before the clock."""
+        tokens = torch.full((len(keys), 6), EOS)
+        tokens[:, 0] = signal_index("describe")
+        return self.code(tokens, torch.arange(6).expand_as(tokens) < 2, keys)
+
+    def tell(
+        self, code: Float[Tensor, "B H"], frames: Float[Tensor, " B"]
+    ) -> Float[Tensor, "B 4 V"]:
+        """Log-probabilities of the words that describe clips, with their durations as a clock."""
+        time = (frames[:, None] / MAX_FRAMES - 0.75) / 0.25  # +-1 for a slow and a fast clip
+        return self.ptae.language(code + self.clock(time), WORDS_OUT)
+
+    def read(
+        self, task: Int[Tensor, "B 3"], video: Float[Tensor, "B T F"], first: Float[Tensor, "B F"]
+    ) -> Float[Tensor, "B T 2"]:
+        """Where the named cube is in each image, as far as it is seen, in metres.
+
+        Args:
+            task: side, action and speed as numbers.
+            video: features of the images.
+            first: features of the first image.
+        """
+        first = first[:, None].expand_as(video)
+        places = self.places(first if self.config.blind else video, first)
+        return places[torch.arange(len(task)), :, task[:, 0]]
+
+    def follow(
+        self, task: Int[Tensor, "B 3"], read: Float[Tensor, "B T 2"], hand: Float[Tensor, "B T 3"],
+        memory: Memory | None = None,
+    ):  # fmt: skip
+        """Where the hand is to be in the next frame, for T frames, in metres.
+
+        Args:
+            read: from `read`.
+            hand: where the hand is, in metres.
+            memory: from the frame before; None at the first.
+
+        Returns:
+            Wishes (B, T, 3), remembered places of the named cube (B, T, 2), and the memory.
+        """
+        hand = self.plan.home.expand_as(hand) if self.config.blind else hand
+        return self.plan(one_of_each(task), read, hand, memory)
