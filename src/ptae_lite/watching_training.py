@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from ptae_lite import devices
-from ptae_lite.data.clips import REST, Clips
+from ptae_lite.data.demonstrations import REST, Demonstrations
 from ptae_lite.data.scaling import Scaling
 from ptae_lite.errors import ConfigError, TrainingError
 from ptae_lite.language import ACTIONS, SIDES, SPEEDS, alternatives, encode, patterns, signal_index
@@ -47,7 +47,7 @@ class WatchingRecipe:
     plan_steps: int = 1500
     clock_steps: int = 400
     frames: int = 256  # in a batch of codes or of single frames
-    clips: int = 32  # in a batch of clips, all of one length
+    clips: int = 32  # in a batch of clips, all of one speed
     learning_rate: float = 3e-3  # the peak
     clock_lr: float = 1e-2
     weight_decay: float = 0.01  # of the two readers
@@ -79,18 +79,18 @@ class Prepared:
     sentences: Int[Tensor, "C 8 5"]
 
     @classmethod
-    def of(cls, clips: Clips, scaling: Scaling) -> Prepared:
+    def of(cls, given: Demonstrations, scaling: Scaling) -> Prepared:
         """The clips, scaled for a PTAE."""
-        features, joints = scaling.features(clips.features), scaling.joints(clips.joints_rad)
-        shown = [patterns()[i] for i in clips.pattern]
+        features, joints = scaling.features(given.features), scaling.joints(given.joints_rad)
+        asked = [patterns()[i] for i in given.pattern]
         return cls(
             keys=_floats(np.concatenate([features, joints], axis=2)), features=_floats(features),
-            hand_m=kinematics.fingertip(_floats(clips.joints_rad)), goal_m=_floats(clips.goal_m),
-            places_m=_floats(clips.places_m), remembered_m=_floats(clips.remembered_m),
-            before_touch=torch.from_numpy(clips.before_touch),
-            frames=torch.from_numpy(clips.frames), task=torch.tensor([numbers(p) for p in shown]),
+            hand_m=kinematics.fingertip(_floats(given.joints_rad)), goal_m=_floats(given.goal_m),
+            places_m=_floats(given.places_m), remembered_m=_floats(given.remembered_m),
+            before_touch=torch.from_numpy(given.before_touch),
+            frames=torch.from_numpy(given.frames), task=torch.tensor([numbers(p) for p in asked]),
             sentences=torch.tensor(
-                [[encode(s) for s in alternatives(p.meaning)] for p in shown]
+                [[encode(s) for s in alternatives(p.meaning)] for p in asked]
             ),
         )  # fmt: skip
 
@@ -110,7 +110,7 @@ def _floats(array) -> Tensor:
 
 
 def train(
-    base: Trained, clips: Clips, recipe: WatchingRecipe, blind: bool = False,
+    base: Trained, shown: Demonstrations, recipe: WatchingRecipe, blind: bool = False,
     on_part=lambda name, loss: None,
 ) -> Trained:  # fmt: skip
     """Train a watching policy on a PTAE.
@@ -133,13 +133,13 @@ def train(
         model.eval()  # no dropout in the PTAE below
         for parameter in model.ptae.parameters():
             parameter.requires_grad_(False)
-        data = Prepared.of(clips, base.scaling)
+        data = Prepared.of(shown, base.scaling)
         for name, part in PARTS.items():
             losses[name] = part(model, data, recipe)
             on_part(name, losses[name])
     about = {
         "encoder": base.about["encoder"], "holdout": base.about.get("holdout"),
-        "split": base.about["split"], "recipe": asdict(recipe), "clips": len(clips),
+        "split": base.about["split"], "recipe": asdict(recipe), "clips": len(shown),
         "steps": sum(getattr(recipe, f"{name}_steps") for name in PARTS),
         "losses": losses, "seconds": round(time.process_time() - begun, 1),
         "base_experiment": base.about.get("experiment", ""),
@@ -182,16 +182,16 @@ def fit_places(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
 
 
 def fit_plan(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
-    """Train the planner of the hand, on clips of one length at a time."""
+    """Train the planner of the hand, on clips of one speed at a time."""
     with torch.no_grad():
         read = model.read(data.task, data.features, data.features[:, 0])
-    groups = [which for _, which in data.by_length()]
+    groups = [which for speed in (0, 1) if len(which := (data.task[:, 2] == speed).nonzero()[:, 0])]
     share = torch.tensor([len(which) for which in groups]) / len(data.task)
 
     def loss(_):
         group = groups[int(torch.multinomial(share, 1))]
         drawn = group[torch.randint(len(group), (recipe.clips,))]
-        count = int(data.frames[drawn[0]]) + REST
+        count = int(data.frames[drawn].max()) + REST
         hand = data.hand_m[drawn, :count]
         hand = hand + recipe.hand_noise_m * torch.randn_like(hand)
         wish, kept, _ = model.follow(data.task[drawn], read[drawn, :count], hand)
