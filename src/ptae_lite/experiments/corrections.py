@@ -51,7 +51,7 @@ PUSH_CLOCK = 6  # slow frames that a push takes
 NOISE_M = np.array([0.012, 0.012, 0.006])
 CALM_SHARE, CALM = 0.25, 0.3  # of the clips; their noise is so much smaller
 NOISE_CLOCK = 9.0  # slow frames in which the noise forgets
-STROKE_NOISE = 0.25  # near the cube
+STROKE_NOISE = 0.2  # near the cube
 LOWEST_M = TABLE_TOP_M + 0.008
 
 
@@ -105,7 +105,7 @@ class NoisyPlanner(Planner):
         fresh = self._rng.standard_normal(3)
         self._unit = forget * self._unit + np.sqrt(1 - forget**2) * fresh
         stroke, up = self._variation.clock[2], self._variation.clock[4]
-        times = [0, 2, stroke - 12, stroke - 3, up, up + 6, 96, 99]
+        times = [0, 2, stroke - 12, stroke - 3, up, up + 6, 86, 94]
         size = np.interp(self.phase.clock, times,
                          [0, 1, 1, STROKE_NOISE, STROKE_NOISE, 1, 1, 0])  # fmt: skip
         before, self._deviation = self._deviation, size * self._noise_m * self._unit
