@@ -14,10 +14,11 @@ from ptae_lite.experiments import (
     incongruence_table,
     recipes,
     supervision,
+    watching,
 )
 
 STUDIES = {
     "supervision": supervision, "recipes": recipes, "family": family, "encoders": encoders,
     "encoders-in-use": encoders_in_use, "incongruence": incongruence_table,
-    "closed-loop": closed_loop,
+    "closed-loop": closed_loop, "watching": watching,
 }  # fmt: skip
