@@ -47,7 +47,7 @@ KINDS = ((0.60, True, False), (0.75, True, True), (0.85, False, True), (1.0, Fal
 CUBES = {"named": 0.35, "both": 0.50, "other": 0.15}  # which, if any
 MOVED_M, PUSHED_M = (0.010, 0.045), (0.025, 0.060)
 AT_CLOCK = (3, 20)  # slow frames at which it happens: before the hand comes down
-PUSH_CLOCK = 6  # slow frames that a push takes
+PUSH_CLOCK, HELD_CLOCK = 6, (0, 26)  # slow frames in which the hand is driven off, and held there
 NOISE_M = np.array([0.012, 0.012, 0.006])
 CALM_SHARE, CALM = 0.25, 0.3  # of the clips; their noise is so much smaller
 NOISE_CLOCK = 9.0  # slow frames in which the noise forgets
@@ -64,7 +64,8 @@ def settings(split: str, without: str | None, encoder_file) -> dict:
         "encoder": artefacts.sha256(encoder_file),
         "split": split, "without": without, "planner": rule, "kinds": [list(one) for one in KINDS],
         "cubes": CUBES, "moved_m": list(MOVED_M), "pushed_m": list(PUSHED_M),
-        "at_clock": list(AT_CLOCK), "push_clock": PUSH_CLOCK, "noise_m": NOISE_M.tolist(),
+        "at_clock": list(AT_CLOCK), "push_clock": PUSH_CLOCK, "held_clock": list(HELD_CLOCK),
+        "noise_m": NOISE_M.tolist(),
         "noise_clock": NOISE_CLOCK, "calm": [CALM_SHARE, CALM], "stroke_noise": STROKE_NOISE,
         "first_seed": FIRST_SEED,
     }  # fmt: skip
@@ -123,8 +124,8 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
     """
     asked = pattern(sample // motions.VARIATIONS)
     seed = FIRST_SEED + ROUND_SEEDS * round_ + sample
-    drawn, rng = motions.draw(seed), np.random.default_rng([77, seed])
-    frame, kind, disturbance = _draw(rng, asked, drawn)
+    drawn, rng = motions.draw(seed), np.random.default_rng([77, seed, 1])
+    kind, disturbance = _draw(np.random.default_rng([77, seed, 0]), asked, drawn)
     if without == "disturbances":
         kind, disturbance = "none", Disturbance()
     calm = CALM if rng.random() < CALM_SHARE else 1.0
@@ -147,8 +148,8 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
     )  # fmt: skip
 
 
-def _draw(rng, asked, drawn) -> tuple[int, str, Disturbance]:
-    """When something happens, which cubes are moved, and the disturbance."""
+def _draw(rng, asked, drawn) -> tuple[str, Disturbance]:
+    """Which cubes are moved, and the disturbance."""
     scale = (asked.frames - 1) / motions.CLOCK[-1]
     frame = round(rng.uniform(*AT_CLOCK) * scale)
     chance = rng.random()
@@ -162,8 +163,10 @@ def _draw(rng, asked, drawn) -> tuple[int, str, Disturbance]:
     if push:
         at_m = motions.fingertip_path(asked, drawn)[frame]
         push_m = draw_push(rng, asked, now, at_m, *PUSHED_M)
-    took = max(2, round(PUSH_CLOCK * scale))
-    return frame, kind, Disturbance(frame, places_m=places, push_m=push_m, push_frames=took)
+    return kind, Disturbance(
+        frame, places_m=places, push_m=push_m, push_frames=round(PUSH_CLOCK * scale),
+        held_frames=round(rng.uniform(*HELD_CLOCK) * scale),
+    )  # fmt: skip
 
 
 def jobs_in(split: str, count: int | None = None) -> list[tuple[int, int]]:
