@@ -13,12 +13,15 @@ from ptae_lite.experiments import (
     encoders_in_use,
     family,
     incongruence_table,
+    places,
     recipes,
     supervision,
+    watching,
 )
 
 STUDIES = {
     "supervision": supervision, "recipes": recipes, "family": family, "encoders": encoders,
     "encoders-in-use": encoders_in_use, "incongruence": incongruence_table,
-    "closed-loop": closed_loop, "disturbances": disturbances,
+    "closed-loop": closed_loop, "disturbances": disturbances, "places": places,
+    "watching": watching,
 }  # fmt: skip
