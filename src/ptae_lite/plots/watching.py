@@ -49,8 +49,8 @@ def correction(table: pd.DataFrame) -> Float[np.ndarray, " R"]:
     the scene before the move, it is `h . d / d . d`: 0 if the hand came down where the cube was, 1
     if where it is. It is nan where the hand never came down or the cube was not moved.
     """
-    cube = table[["cube_x_mm", "cube_y_mm"]].to_numpy(float)
-    hand = table[["hand_x_mm", "hand_y_mm"]].to_numpy(float)
+    cube = table[["move_mm_x", "move_mm_y"]].to_numpy(float)
+    hand = table[["hand_mm_x", "hand_mm_y"]].to_numpy(float)
     far = (cube**2).sum(1)
     return (hand * cube).sum(1) / np.where(far > 0, far, np.nan)
 
