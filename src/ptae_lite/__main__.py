@@ -26,6 +26,7 @@ from ptae_lite.cli import (
     whole_number,
 )
 from ptae_lite.errors import PTAEError
+from ptae_lite.experiments import corrections
 from ptae_lite.experiments.registry import STUDIES
 from ptae_lite.files import check_writable, file_lock
 from ptae_lite.models import MODELS
@@ -235,6 +236,11 @@ def study_options(made: argparse.ArgumentParser) -> None:
 COMMANDS = {  # the name of each, what does it, what declares its options, and its line in the help
     "record": (do_record, record_options, "Record all 864 samples with the simulated robot."),
     "features": (do_features, features_options, "Turn all recorded frames into CAE features."),
+    "corrections": (
+        corrections.command,
+        corrections.add_options,
+        "Record clips in which the planner is disturbed and corrects itself.",
+    ),
     "train": (do_train, train_options, "Train a model and write its weights."),
     "evaluate": (do_evaluate, evaluate_options, "Score a trained model, in percent."),
     "study": (do_study, study_options, "Run an experiment; rows that are there are not run again."),

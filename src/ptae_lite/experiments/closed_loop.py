@@ -90,7 +90,7 @@ def score(trained: Trained | None, samples: Samples, model: str, seed: int, cond
 
 def row_of(task: Task, episode: Episode, verdict: Verdict) -> dict:
     """What the table says of an episode. Distances are in millimetres, durations in frames."""
-    moved = 1000 * np.linalg.norm(episode.cubes[-1, :, :2] - episode.cubes[0, :, :2], axis=1)
+    moved = np.linalg.norm(episode.moved_mm, axis=1)
     return {
         "colours": " ".join(task.stage.colours), "sentence": task.instruction or "",
         "action": task.asked.action, "side": task.asked.side, "speed": task.asked.speed,

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from ptae_lite.errors import RobotError
 from ptae_lite.language import SIDES
 from ptae_lite.robot import inverse, motions
+from ptae_lite.robot.disturbances import Disturbance, Happening
 from ptae_lite.robot.scene import NOMINAL_PLACES_M, TABLE_TOP_M, Scene
 
 LIMIT = 130  # frames; the slow motion takes 100
@@ -62,11 +63,21 @@ class Episode(NamedTuple):
         cubes: poses of the left and the right cube: position in metres, quaternion x y z w.
         stopped: why it ended: `home` (the arm came back), `limit` (too many frames) or `joint` (a
             target was outside a joint's limits).
+        event: the frame from which cubes were moved or the hand was pushed; -1 if this did not
+            happen.
+        shift_m: (2, 2) how far a disturbance, not the arm, moved the two cubes along x and y.
     """
 
     joints_rad: Float[np.ndarray, "T 5"]
     cubes: Float[np.ndarray, "T 2 7"]
     stopped: str
+    event: int = -1
+    shift_m: np.ndarray = np.zeros((2, 2))
+
+    @property
+    def moved_mm(self) -> Float[np.ndarray, "2 2"]:
+        """How far the arm moved the two cubes along x and y."""
+        return 1000 * (self.cubes[-1, :, :2] - self.cubes[0, :, :2] - self.shift_m)
 
 
 class Verdict(NamedTuple):
@@ -93,19 +104,28 @@ def stage_of(pattern, variation: int) -> Setting:
     return Setting((pattern.left, pattern.right), drawn.places_m, drawn.yaws_rad)
 
 
-def perform(stage: Setting, act: Act, limit: int | None = None) -> Episode:
+def perform(
+    stage: Setting, act: Act, limit: int | None = None, disturbance: Disturbance | None = None
+) -> Episode:
     """Run an episode: `act(look, joints_rad)` moves the arm in a fresh scene.
+
+    A planner that knows where the cubes are has a method `see`. It is called before each action,
+    with the poses of the cubes (2, 7).
 
     Args:
         act: a policy. It is called once a frame with `look`, which makes the camera's image, and
             the measured joints (5,). It returns the next target of the joints (5,), in radians. An
             image takes most of a frame's time, so it is made only if `look` is called.
         limit: the largest number of frames; `LIMIT` if None.
+        disturbance: what happens meanwhile; nothing if None.
     """
+    see = getattr(act, "see", None)
     joints, cubes, stopped, rest, left = [], [], "limit", 0, False
     limit = limit or LIMIT
     with Scene(*stage) as world:
+        happening = Happening(disturbance or Disturbance(), world)
         for frame in range(limit):
+            happening.begin(frame)
             joints.append(world.joints_rad())
             cubes.append(world.cubes())
             off = np.abs(joints[-1] - inverse.home_rad()).max()
@@ -116,13 +136,15 @@ def perform(stage: Setting, act: Act, limit: int | None = None) -> Episode:
                 break
             if frame == limit - 1:
                 break
+            if see is not None:
+                see(cubes[-1])
             wish = act(world.image, joints[-1])
             try:
-                world.drive(wish)
+                world.drive(happening.driven(frame, wish))
             except RobotError:
                 stopped = "joint"
                 break
-    return Episode(np.array(joints), np.array(cubes), stopped)
+    return Episode(np.array(joints), np.array(cubes), stopped, happening.event, happening.shift_m)
 
 
 def replay(joints_rad: Float[np.ndarray, "T 5"]) -> Act:
@@ -135,11 +157,12 @@ def replay(joints_rad: Float[np.ndarray, "T 5"]) -> Act:
 def judge(episode: Episode, action: str, side: str, speed: str) -> Verdict:
     """Judge an episode by the command.
 
-    Moved distances are those between the first and the last frame. The reason is the first of
+    Moved distances are those between the first and the last frame; where a disturbance moves a cube
+    they begin at its new place. The reason is the first of
     `WRONG` that applies. A cube that falls off the table has moved far enough, so this has a reason
     of its own.
     """
-    moved_mm = 1000 * (episode.cubes[-1, :, :2] - episode.cubes[0, :, :2])
+    moved_mm = episode.moved_mm
     named = SIDES.index(side)
     along = float(moved_mm[named] @ np.array(motions.DIRECTION[action]))
     other = float(np.linalg.norm(moved_mm[1 - named]))

@@ -29,6 +29,8 @@ DAMPING = 0.3  # shortens the steps near full stretch, where they would swing ab
 STEPS = 60
 LARGEST_STEP_RAD = 0.25
 TOLERANCE_M = 1e-4
+NEAR_ENOUGH_RAD = 3e-4  # the last step of the search that starts from the angles now
+PLACES_ON_THE_WAY = 32  # that are tried if a point is out of reach
 
 
 def _jacobians(joints_rad):
@@ -62,8 +64,45 @@ def solve(targets_m: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 5"]:
     targets_m = np.asarray(targets_m, dtype=float)
     if targets_m.ndim != 2 or targets_m.shape[1] != 3:
         raise RobotError(f"targets are an array of frames x 3 metres, not {targets_m.shape}")
+    q, miss_m = _nearest(targets_m, np.tile(REST_RAD, (len(targets_m), 1)))
+    if miss_m.max() > TOLERANCE_M:
+        worst = int(miss_m.argmax())
+        raise RobotError(
+            f"the arm cannot reach ({', '.join(f'{x:.3f}' for x in targets_m[worst])}) m: "
+            f"it misses by {1000 * miss_m[worst]:.1f} mm; points over the near part of the table "
+            "(x 0.33 to 0.45, y -0.10 to 0.25 m) are in reach"
+        )
+    return q
+
+
+def towards(
+    target_m: Float[np.ndarray, " 3"], joints_rad: Float[np.ndarray, " 5"]
+) -> Float[np.ndarray, " 5"]:
+    """Joint angles in radians that bring the fingertips to a point, or as near as the arm reaches.
+
+    If the point is out of reach, it is the nearest to it of these: the last point in reach on the
+    straight way to it, and the point where the search for it ends.
+
+    Args:
+        target_m: the point in metres.
+        joints_rad: the angles now. The way begins at their fingertips.
+    """
+    target_m = np.asarray(target_m, dtype=float)
+    now = np.clip(joints_rad, arm.LOWER_RAD, arm.UPPER_RAD)
+    q, miss_m = _nearest(target_m[None], now[None], NEAR_ENOUGH_RAD)
+    if miss_m[0] <= TOLERANCE_M:
+        return q[0]
+    start_m = arm.fingertip(now[None])[0]
+    shares = np.linspace(1, 0, PLACES_ON_THE_WAY, endpoint=False)[1:, None]
+    on_the_way, off_m = _nearest(start_m + shares * (target_m - start_m),
+                                 np.tile(REST_RAD, (len(shares), 1)))  # fmt: skip
+    found = np.concatenate([q, on_the_way[off_m <= TOLERANCE_M], now[None]])
+    return found[np.linalg.norm(arm.fingertip(found) - target_m, axis=1).argmin()]
+
+
+def _nearest(targets_m, q, near_enough_rad=1e-7):
+    """Angles (T, 5) found from the angles `q`, and by how much (T,) their fingertips miss."""
     frames, joints = len(targets_m), len(arm.JOINTS)
-    q = np.tile(REST_RAD, (frames, 1))
     free = np.ones_like(q)  # 0 for a joint at its limit: the other joints must do the motion
     straight_down = np.array([0.0, 0.0, -1.0])
     for _ in range(STEPS):
@@ -85,19 +124,11 @@ def solve(targets_m: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 5"]:
         wanted = q + step
         moved = np.clip(wanted, arm.LOWER_RAD, arm.UPPER_RAD)
         free = (moved == wanted).astype(float)
-        done = np.abs(moved - q).max() < 1e-7
+        done = np.abs(moved - q).max() < near_enough_rad
         q = moved
         if done:
             break
-    miss_m = np.linalg.norm(arm.fingertip(q) - targets_m, axis=1)
-    if miss_m.max() > TOLERANCE_M:
-        worst = int(miss_m.argmax())
-        raise RobotError(
-            f"the arm cannot reach ({', '.join(f'{x:.3f}' for x in targets_m[worst])}) m: "
-            f"it misses by {1000 * miss_m[worst]:.1f} mm; points over the near part of the table "
-            "(x 0.33 to 0.45, y -0.10 to 0.25 m) are in reach"
-        )
-    return q
+    return q, np.linalg.norm(arm.fingertip(q) - targets_m, axis=1)
 
 
 @cache

@@ -105,12 +105,25 @@ def ease(x):
     return x**3 * (10 + x * (6 * x - 15))
 
 
-def fingertip_path(pattern: Pattern, variation: Variation) -> Float[np.ndarray, "T 3"]:
-    """Where the fingertips are to be in each frame, in metres."""
+def stroke_start_m(
+    pattern: Pattern, variation: Variation
+) -> tuple[Float[np.ndarray, " 2"], Float[np.ndarray, " 2"]]:
+    """x and y in metres where the hand comes down, and the direction of the stroke."""
     cube = variation.places_m[("left", "right").index(pattern.side)]
     along = np.array(DIRECTION[pattern.action])
     aside = np.array([-along[1], along[0]]) * variation.aside_m
-    start = cube - along * STANDOFF_M + aside
+    return cube - along * STANDOFF_M + aside, along
+
+
+def points_at(
+    pattern: Pattern, variation: Variation, clock: Float[np.ndarray, " T"]
+) -> Float[np.ndarray, "T 3"]:
+    """Where the fingertips are to be at times of the motion, in metres.
+
+    Args:
+        clock: slow frames, 0 to 99.
+    """
+    start, along = stroke_start_m(pattern, variation)
     end = start + along * (GAP_M + variation.travel_m)
     back = end - along * BACK_OFF_M
     low, high = TABLE_TOP_M + variation.low_m, TABLE_TOP_M + variation.high_m
@@ -118,11 +131,15 @@ def fingertip_path(pattern: Pattern, variation: Variation) -> Float[np.ndarray, 
         arm.HOME_TIP_M, (*start, high), (*start, low), (*end, low), (*back, low), (*back, high),
         arm.HOME_TIP_M,
     ])  # fmt: skip
-    now = np.linspace(0, CLOCK[-1], pattern.frames)
-    leg = np.clip(np.searchsorted(variation.clock, now, side="right") - 1, 0, len(waypoints) - 2)
+    leg = np.clip(np.searchsorted(variation.clock, clock, side="right") - 1, 0, len(waypoints) - 2)
     begun, done = variation.clock[leg], variation.clock[leg + 1]
-    share = ease((now - begun) / (done - begun))[:, None]
+    share = ease((clock - begun) / (done - begun))[:, None]
     return waypoints[leg] + share * (waypoints[leg + 1] - waypoints[leg])
+
+
+def fingertip_path(pattern: Pattern, variation: Variation) -> Float[np.ndarray, "T 3"]:
+    """Where the fingertips are to be in each frame, in metres."""
+    return points_at(pattern, variation, np.linspace(0, CLOCK[-1], pattern.frames))
 
 
 def plan(pattern: Pattern, variation: Variation) -> Float[np.ndarray, "T 5"]:

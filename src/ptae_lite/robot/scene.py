@@ -104,6 +104,7 @@ class Scene:
         for i, angle in zip(self._joints, self._target_rad, strict=True):
             p.resetJointState(self._nico, i, angle, **self._at)
         self._view, self._projection = self._camera()
+        self._light = dict(LIGHT)
         self.drive(self._target_rad)  # one frame at rest: motors on, cubes settled
 
     def __enter__(self):
@@ -165,7 +166,7 @@ class Scene:
         p = self._p
         *_, pixels, _, _ = p.getCameraImage(
             IMAGE_WIDTH, IMAGE_HEIGHT, self._view, self._projection, shadow=0,
-            renderer=p.ER_TINY_RENDERER, flags=p.ER_NO_SEGMENTATION_MASK, **LIGHT, **self._at,
+            renderer=p.ER_TINY_RENDERER, flags=p.ER_NO_SEGMENTATION_MASK, **self._light, **self._at,
         )  # fmt: skip
         if not isinstance(pixels, np.ndarray):  # this PyBullet was built without numpy
             pixels = np.frombuffer(bytes(pixels), np.uint8).reshape(IMAGE_HEIGHT, IMAGE_WIDTH, 4)
@@ -180,6 +181,36 @@ class Scene:
         """Poses of the left and the right cube: position in metres, then quaternion x y z w."""
         poses = (self._p.getBasePositionAndOrientation(c, **self._at) for c in self.cube_ids)
         return np.array([[*position, *turn] for position, turn in poses])
+
+    def put(self, places_m: Float[np.ndarray, "2 2"]) -> None:
+        """Take the cubes to other places in an instant; they stand still there, turned as before.
+
+        Args:
+            places_m: x and y of the left and the right cube. One that is where it is to be is not
+                touched.
+        """
+        p = self._p
+        for cube, (x, y) in zip(self.cube_ids, places_m, strict=True):
+            (here_x, here_y, z), turn = p.getBasePositionAndOrientation(cube, **self._at)
+            if (x, y) != (here_x, here_y):
+                p.resetBasePositionAndOrientation(cube, (x, y, z), turn, **self._at)
+                p.resetBaseVelocity(cube, (0, 0, 0), (0, 0, 0), **self._at)
+
+    def alter(self, friction: float = 1.0, mass: float = 1.0, light: float = 1.0) -> None:
+        """Make the cubes more slippery or heavier, or the light another.
+
+        Args:
+            friction: of the cubes, as a share of the usual one.
+            mass: of the cubes, likewise.
+            light: its brightness, likewise.
+        """
+        for cube in self.cube_ids:
+            self._p.changeDynamics(
+                cube, -1, lateralFriction=friction * CUBE_FRICTION, mass=mass * CUBE_MASS_KG,
+                **self._at,
+            )  # fmt: skip
+        for name in ("lightAmbientCoeff", "lightDiffuseCoeff"):
+            self._light[name] = light * LIGHT[name]
 
     def drive(self, target_rad: Float[np.ndarray, " 5"]) -> tuple[bool, bool]:
         """Move the arm to `target_rad` in one frame (40 ms) of physics.
