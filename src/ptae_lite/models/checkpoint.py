@@ -13,7 +13,7 @@ from ptae_lite import artefacts, renamed
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.scaling import Dataset, Scaling, prepare
 from ptae_lite.errors import ArtefactError, ConfigError
-from ptae_lite.models.registry import MODELS
+from ptae_lite.models.registry import NETWORKS
 
 
 @dataclass(frozen=True)
@@ -118,23 +118,23 @@ def load(path) -> Trained:
             version.
     """
     tensors, about = artefacts.load_weights(path)
-    if about.get("kind") not in MODELS:
+    if about.get("kind") not in NETWORKS:
         raise ArtefactError(
             f"{path} holds no model of ours but {about.get('kind')!r}; "
-            f"models are {', '.join(MODELS)}"
+            f"models are {', '.join(NETWORKS)}"
         )
     old = renamed.said_of([*about, *about.get("config", ())], renamed.SETTINGS | renamed.COLUMNS)
     if old:
         raise ArtefactError(f"{path} was written by an earlier version ({old}); train it again")
     if "encoder" not in about:
         raise ArtefactError(f"{path} does not say whose features it was trained on; train it again")
-    kind = MODELS[about["kind"]]
+    network, config = NETWORKS[about["kind"]]
     parts = {"model": {}, "scaling": {}}
     with artefacts.fits_itself(path):
         for name, tensor in tensors.items():
             part, _, rest = name.partition(".")
             parts[part][rest] = tensor
-        model = kind.network(kind.config(**about["config"]))
+        model = network(config(**about["config"]))
         model.load_state_dict(parts["model"])
         scaling = Scaling(**{name: tensor.numpy() for name, tensor in parts["scaling"].items()})
     return Trained(model.eval(), scaling, about)

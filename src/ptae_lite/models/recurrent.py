@@ -125,3 +125,12 @@ def spread(parts: Iterable[nn.Module], gain: float) -> None:
             of_gates = name.endswith(("weight_ih.weight", "weight_hh.weight"))
             for part in matrix.detach().chunk(4 if of_gates else 1):
                 nn.init.xavier_uniform_(part, gain)
+
+
+def open_forget_gates(lstm: nn.LSTM, bias: float = 1.0) -> None:
+    """Start each layer of an LSTM with open forget gates, see `make_cell`."""
+    units = lstm.hidden_size
+    with torch.no_grad():
+        for layer in range(lstm.num_layers):
+            getattr(lstm, f"bias_ih_l{layer}")[units : 2 * units] = bias
+            getattr(lstm, f"bias_hh_l{layer}")[units : 2 * units] = 0

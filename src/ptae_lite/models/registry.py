@@ -9,6 +9,7 @@ from torch import nn
 from ptae_lite.models.pgae import PGAE, PGAEConfig
 from ptae_lite.models.ptae import PTAE, PTAEConfig
 from ptae_lite.models.pvae import PVAE, PRAEConfig, PVAEConfig
+from ptae_lite.models.watching import Watcher, WatcherConfig
 from ptae_lite.recipe import Recipe
 
 
@@ -36,3 +37,7 @@ MODELS = {
     "pvae": ModelType(PVAE, PVAEConfig, Recipe(epochs=60, learning_rate=3e-3, action_lr_scale=1)),
     "prae": ModelType(PVAE, PRAEConfig, Recipe(epochs=60, learning_rate=3e-3, action_lr_scale=1)),
 }
+
+# What a file of weights can hold: a model of the list, or a policy that was built on one.
+NETWORKS: dict[str, tuple] = {name: (kind.network, kind.config) for name, kind in MODELS.items()}
+NETWORKS["watcher"] = (Watcher, WatcherConfig)

@@ -1,0 +1,184 @@
+"""A policy that watches: a PTAE whose actions are wishes for the hand, corrected at every frame.
+
+::
+
+    sentence, first look --PTAE--> h --TaskReader--> side, action, speed --\\
+    image now, first image --PlaceReader--> places of the cubes -------HandPlanner --> wish
+    measured joints --forward kinematics--> place of the hand -------------/
+
+The PTAE stays as it was trained, and does its four tasks as before. Its code tells once, at the
+first look, what is to be done. From then on the policy asks at every frame where the named cube is
+and where the hand is, and answers with the place where the hand is to be in the next frame. Inverse
+kinematics turns it into joints.
+
+It also describes a clip of any length, such as its own act: from the frames that there are, without
+padding, and with a clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from ptae_lite.data.samples import MAX_FRAMES
+from ptae_lite.data.signals import WORDS_OUT, Batch
+from ptae_lite.language import ACTIONS, EOS, SIDES, SPEEDS, signal_index
+from ptae_lite.models.common import Answer, check_sizes
+from ptae_lite.models.hand_planner import HandPlanner, Memory
+from ptae_lite.models.ptae import PTAE, PTAEConfig
+from ptae_lite.robot.scene import NOMINAL_PLACES_M
+
+KINDS = (len(SIDES), len(ACTIONS), len(SPEEDS))  # choices of a task
+PLACE_UNIT_M = 0.03  # a cube is mostly within this of the middle of its places
+
+
+@dataclass(frozen=True)
+class WatcherConfig:
+    """Sizes and choices of a watching policy.
+
+    Raises:
+        ConfigError: a value makes no sense.
+    """
+
+    ptae: PTAEConfig = field(default_factory=PTAEConfig)
+    task_units: int = 64
+    place_units: int = 128
+    gate_units: int = 32
+    units: int = 128
+    layers: int = 2
+    clock_units: int = 8
+    blind: bool = False  # a control: it sees the first image only, and does not feel its hand
+
+    def __post_init__(self):
+        if not isinstance(self.ptae, PTAEConfig):  # read from a file
+            object.__setattr__(self, "ptae", PTAEConfig(**self.ptae))
+        check_sizes(self, *(name for name, value in asdict(self).items() if type(value) is int))
+
+
+class TaskReader(nn.Module):
+    """Code to the task: which side, which action, which speed."""
+
+    def __init__(self, hidden: int, units: int):
+        super().__init__()
+        self.inner = nn.Sequential(nn.Linear(hidden, units), nn.ReLU())
+        self.outputs = nn.ModuleList(nn.Linear(units, kinds) for kinds in KINDS)
+
+    def forward(self, code: Float[Tensor, "B H"]) -> list[Float[Tensor, "B _"]]:
+        """Scores of the sides, of the actions and of the speeds."""
+        inner = self.inner(code)
+        return [output(inner) for output in self.outputs]
+
+    def decide(self, code: Float[Tensor, "B H"]) -> Int[Tensor, "B 3"]:
+        """The most likely side, action and speed, as numbers."""
+        return torch.stack([scores.argmax(1) for scores in self(code)], dim=1)
+
+
+def one_of_each(task: Int[Tensor, "B 3"]) -> Float[Tensor, "B K"]:
+    """Side, action and speed as numbers to a vector with a 1 for each."""
+    parts = [nn.functional.one_hot(task[:, i], kinds) for i, kinds in enumerate(KINDS)]
+    return torch.cat(parts, dim=1).float()
+
+
+class PlaceReader(nn.Module):
+    """Features of the present and of the first image to the places of both cubes."""
+
+    def __init__(self, features: int, units: int):
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Linear(2 * features, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU(),
+            nn.Linear(units, 4),
+        )  # fmt: skip
+        middle = torch.tensor(NOMINAL_PLACES_M, dtype=torch.float32)
+        self.register_buffer("middle", middle, persistent=False)
+
+    def forward(
+        self, now: Float[Tensor, "... F"], first: Float[Tensor, "... F"]
+    ) -> Float[Tensor, "... 2 2"]:
+        """x and y of the left and the right cube, in metres."""
+        read = self.layers(torch.cat([now, first], dim=-1))
+        return self.middle + PLACE_UNIT_M * read.unflatten(-1, (2, 2))
+
+
+class Watcher(nn.Module):
+    """A PTAE, and what it needs to watch, to correct its hand, and to tell of it."""
+
+    kind = "watcher"
+
+    def __init__(self, config: WatcherConfig = WatcherConfig()):
+        super().__init__()
+        self.config, p, c = config, config.ptae, config
+        self.ptae = PTAE(p)
+        self.task = TaskReader(p.hidden, c.task_units)
+        self.places = PlaceReader(p.features, c.place_units)
+        self.plan = HandPlanner(sum(KINDS), c.units, c.layers, c.gate_units)
+        self.clock = nn.Sequential(
+            nn.Linear(1, c.clock_units), nn.Tanh(), nn.Linear(c.clock_units, p.hidden)
+        )
+
+    def forward(self, batch: Batch) -> Answer:
+        """The answer of the PTAE to a batch."""
+        return self.ptae(batch)
+
+    def code(
+        self, tokens: Int[Tensor, "B 6"], there: Tensor, keys: Float[Tensor, "B T K"]
+    ) -> Float[Tensor, "B H"]:
+        """The PTAE's code, from frames without padding.
+
+        Args:
+            there: which tokens are not padding.
+            keys: features and joints of each frame. A still image is one frame: the code of the
+                same frame many times is the same.
+        """
+        words = self.ptae.words_in(tokens, there).to(keys.dtype)
+        return self.ptae.encoder(words, there, keys, torch.ones_like(keys[..., 0]) > 0)[0]
+
+    def listen(self, tokens: Int[Tensor, "B 6"], first: Float[Tensor, "B K"]):
+        """The code of sentences and the first look."""
+        return self.code(tokens, torch.ones_like(tokens) > 0, first[:, None])
+
+    def watch(self, keys: Float[Tensor, "B T K"]) -> Float[Tensor, "B H"]:
+        """The code of *describe* for clips of one length, before the clock."""
+        tokens = torch.full((len(keys), 6), EOS)
+        tokens[:, 0] = signal_index("describe")
+        return self.code(tokens, torch.arange(6).expand_as(tokens) < 2, keys)
+
+    def tell(
+        self, code: Float[Tensor, "B H"], frames: Float[Tensor, " B"]
+    ) -> Float[Tensor, "B 4 V"]:
+        """Log-probabilities of the words that describe clips, with their durations as a clock."""
+        time = (frames[:, None] / MAX_FRAMES - 0.75) / 0.25  # +-1 for a slow and a fast clip
+        return self.ptae.language(code + self.clock(time), WORDS_OUT)
+
+    def read(
+        self, task: Int[Tensor, "B 3"], video: Float[Tensor, "B T F"], first: Float[Tensor, "B F"]
+    ) -> Float[Tensor, "B T 2"]:
+        """Where the named cube is in each image, as far as it is seen, in metres.
+
+        Args:
+            task: side, action and speed as numbers.
+            video: features of the images.
+            first: features of the first image.
+        """
+        first = first[:, None].expand_as(video)
+        places = self.places(first if self.config.blind else video, first)
+        return places[torch.arange(len(task)), :, task[:, 0]]
+
+    def follow(
+        self, task: Int[Tensor, "B 3"], read: Float[Tensor, "B T 2"], hand: Float[Tensor, "B T 3"],
+        memory: Memory | None = None,
+    ):  # fmt: skip
+        """Where the hand is to be in the next frame, for T frames, in metres.
+
+        Args:
+            read: from `read`.
+            hand: where the hand is, in metres.
+            memory: from the frame before; None at the first.
+
+        Returns:
+            Wishes (B, T, 3), remembered places of the named cube (B, T, 2), and the memory.
+        """
+        hand = self.plan.home.expand_as(hand) if self.config.blind else hand
+        return self.plan(one_of_each(task), read, hand, memory)
