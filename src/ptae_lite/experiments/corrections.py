@@ -20,6 +20,7 @@ from argparse import ArgumentParser
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -112,17 +113,28 @@ class NoisyPlanner(Planner):
         return self._deviation - (1 - corrections.GAIN) ** self._step * before
 
 
-def record_clip(encoder, sample: int, round_: int, without: str | None = None) -> Clips:
-    """Record one clip. On one machine, the same arguments give the same bytes.
+class Acted(NamedTuple):
+    """What happened in a clip: who acted and what it saw, the episode, and what disturbed it.
 
     Args:
-        encoder: the image encoder.
+        moved: which cubes were moved, `none` if none was.
+    """
+
+    planner: NoisyPlanner
+    episode: closed_loop.Episode
+    moved: str
+    disturbance: Disturbance
+
+
+def act_clip(sample: int, round_: int, without: str | None = None) -> Acted:
+    """Act one clip with the camera on. On one machine, the same arguments give the same bytes.
+
+    Args:
         sample: in whose pattern the clip is made.
         round_: 0 for the first clip of the sample, 1 for the second.
         without: `noise`, `disturbances` or None.
     """
-    asked = pattern(sample // motions.VARIATIONS)
-    seed = FIRST_SEED + ROUND_SEEDS * round_ + sample
+    asked, seed = pattern(sample // motions.VARIATIONS), seed_of(sample, round_)
     drawn, rng = motions.draw(seed), np.random.default_rng([77, seed])
     frame, kind, disturbance = _draw(rng, asked, drawn)
     if without == "disturbances":
@@ -131,6 +143,18 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
     planner = NoisyPlanner(asked, drawn, rng, NOISE_M * (0 if without == "noise" else calm))
     stage = Setting((asked.left, asked.right), drawn.places_m, drawn.yaws_rad)
     episode = closed_loop.perform(stage, planner, disturbance=disturbance)
+    return Acted(planner, episode, kind, disturbance)
+
+
+def seed_of(sample: int, round_: int) -> int:
+    """The seed of a clip's motion and of all that happens in it."""
+    return FIRST_SEED + ROUND_SEEDS * round_ + sample
+
+
+def record_clip(encoder, sample: int, round_: int, without: str | None = None) -> Clips:
+    """One clip with the features of its images; see `act_clip`."""
+    asked = pattern(sample // motions.VARIATIONS)
+    planner, episode, kind, disturbance = act_clip(sample, round_, without)
     verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
 
     def column(value, kind=None):
@@ -140,7 +164,8 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
         sample=column(sample), pattern=column(asked.index), kind=column(kind, "U5"),
         event=column(-1 if disturbance.places_m is None else episode.event),
         pushed=column(-1 if disturbance.push_m is None else episode.event),
-        success=column(verdict.success), seed=column(seed), frames=column(len(planner.images)),
+        success=column(verdict.success), seed=column(seed_of(sample, round_)),
+        frames=column(len(planner.images)),
         features=vision.encode_images(encoder, np.stack(planner.images)),
         joints_rad=np.array(planner.joints, np.float32),
         goal_m=np.array(planner.goals, np.float32), cubes=np.array(planner.cubes, np.float32),
