@@ -48,11 +48,11 @@ KINDS = ((0.60, True, False), (0.75, True, True), (0.85, False, True), (1.0, Fal
 CUBES = {"named": 0.35, "both": 0.50, "other": 0.15}  # which, if any
 MOVED_M, PUSHED_M = (0.010, 0.045), (0.025, 0.060)
 AT_CLOCK = (3, 20)  # slow frames at which it happens: before the hand comes down
-PUSH_CLOCK = 6  # slow frames that a push takes
+PUSH_CLOCK, HELD_CLOCK = 6, (0, 26)  # slow frames in which the hand is driven off, and held there
 NOISE_M = np.array([0.012, 0.012, 0.006])
 CALM_SHARE, CALM = 0.25, 0.3  # of the clips; their noise is so much smaller
 NOISE_CLOCK = 9.0  # slow frames in which the noise forgets
-STROKE_NOISE = 0.25  # near the cube
+STROKE_NOISE = 0.2  # near the cube
 LOWEST_M = TABLE_TOP_M + 0.008
 
 
@@ -65,7 +65,8 @@ def settings(split: str, without: str | None, encoder_file) -> dict:
         "encoder": artefacts.sha256(encoder_file),
         "split": split, "without": without, "planner": rule, "kinds": [list(one) for one in KINDS],
         "cubes": CUBES, "moved_m": list(MOVED_M), "pushed_m": list(PUSHED_M),
-        "at_clock": list(AT_CLOCK), "push_clock": PUSH_CLOCK, "noise_m": NOISE_M.tolist(),
+        "at_clock": list(AT_CLOCK), "push_clock": PUSH_CLOCK, "held_clock": list(HELD_CLOCK),
+        "noise_m": NOISE_M.tolist(),
         "noise_clock": NOISE_CLOCK, "calm": [CALM_SHARE, CALM], "stroke_noise": STROKE_NOISE,
         "first_seed": FIRST_SEED,
     }  # fmt: skip
@@ -106,7 +107,7 @@ class NoisyPlanner(Planner):
         fresh = self._rng.standard_normal(3)
         self._unit = forget * self._unit + np.sqrt(1 - forget**2) * fresh
         stroke, up = self._variation.clock[2], self._variation.clock[4]
-        times = [0, 2, stroke - 12, stroke - 3, up, up + 6, 96, 99]
+        times = [0, 2, stroke - 12, stroke - 3, up, up + 6, 86, 94]
         size = np.interp(self.phase.clock, times,
                          [0, 1, 1, STROKE_NOISE, STROKE_NOISE, 1, 1, 0])  # fmt: skip
         before, self._deviation = self._deviation, size * self._noise_m * self._unit
@@ -114,16 +115,24 @@ class NoisyPlanner(Planner):
 
 
 class Acted(NamedTuple):
-    """What happened in a clip: who acted and what it saw, the episode, and what disturbed it.
-
-    Args:
-        moved: which cubes were moved, `none` if none was.
-    """
+    """Who acted in a clip and what it saw, what happened, and which cubes were moved."""
 
     planner: NoisyPlanner
     episode: closed_loop.Episode
-    moved: str
+    kind: str
     disturbance: Disturbance
+
+
+def seed_of(sample: int, round_: int) -> int:
+    """The seed of a clip's motion and of all that happens in it."""
+    return FIRST_SEED + ROUND_SEEDS * round_ + sample
+
+
+def disturbance_of(sample: int, round_: int) -> tuple[str, Disturbance]:
+    """Which cubes are moved in a clip (`none` if none is), and all that disturbs it."""
+    seed = seed_of(sample, round_)
+    asked, rng = pattern(sample // motions.VARIATIONS), np.random.default_rng([77, seed, 0])
+    return _draw(rng, asked, motions.draw(seed))
 
 
 def act_clip(sample: int, round_: int, without: str | None = None) -> Acted:
@@ -135,20 +144,13 @@ def act_clip(sample: int, round_: int, without: str | None = None) -> Acted:
         without: `noise`, `disturbances` or None.
     """
     asked, seed = pattern(sample // motions.VARIATIONS), seed_of(sample, round_)
-    drawn, rng = motions.draw(seed), np.random.default_rng([77, seed])
-    frame, kind, disturbance = _draw(rng, asked, drawn)
-    if without == "disturbances":
-        kind, disturbance = "none", Disturbance()
+    drawn, rng = motions.draw(seed), np.random.default_rng([77, seed, 1])
+    nothing = ("none", Disturbance())
+    kind, what = nothing if without == "disturbances" else disturbance_of(sample, round_)
     calm = CALM if rng.random() < CALM_SHARE else 1.0
     planner = NoisyPlanner(asked, drawn, rng, NOISE_M * (0 if without == "noise" else calm))
     stage = Setting((asked.left, asked.right), drawn.places_m, drawn.yaws_rad)
-    episode = closed_loop.perform(stage, planner, disturbance=disturbance)
-    return Acted(planner, episode, kind, disturbance)
-
-
-def seed_of(sample: int, round_: int) -> int:
-    """The seed of a clip's motion and of all that happens in it."""
-    return FIRST_SEED + ROUND_SEEDS * round_ + sample
+    return Acted(planner, closed_loop.perform(stage, planner, disturbance=what), kind, what)
 
 
 def record_clip(encoder, sample: int, round_: int, without: str | None = None) -> Clips:
@@ -172,8 +174,8 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
     )  # fmt: skip
 
 
-def _draw(rng, asked, drawn) -> tuple[int, str, Disturbance]:
-    """When something happens, which cubes are moved, and the disturbance."""
+def _draw(rng, asked, drawn) -> tuple[str, Disturbance]:
+    """Which cubes are moved, and the disturbance."""
     scale = (asked.frames - 1) / motions.CLOCK[-1]
     frame = round(rng.uniform(*AT_CLOCK) * scale)
     chance = rng.random()
@@ -187,8 +189,10 @@ def _draw(rng, asked, drawn) -> tuple[int, str, Disturbance]:
     if push:
         at_m = motions.fingertip_path(asked, drawn)[frame]
         push_m = draw_push(rng, asked, now, at_m, *PUSHED_M)
-    took = max(2, round(PUSH_CLOCK * scale))
-    return frame, kind, Disturbance(frame, places_m=places, push_m=push_m, push_frames=took)
+    return kind, Disturbance(
+        frame, places_m=places, push_m=push_m, push_frames=round(PUSH_CLOCK * scale),
+        held_frames=round(rng.uniform(*HELD_CLOCK) * scale),
+    )  # fmt: skip
 
 
 def jobs_in(split: str, count: int | None = None) -> list[tuple[int, int]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ptae_lite.experiments import (
     closed_loop,
+    disturbances,
     encoders,
     encoders_in_use,
     family,
@@ -19,5 +20,5 @@ from ptae_lite.experiments import (
 STUDIES = {
     "supervision": supervision, "recipes": recipes, "family": family, "encoders": encoders,
     "encoders-in-use": encoders_in_use, "incongruence": incongruence_table,
-    "closed-loop": closed_loop,
+    "closed-loop": closed_loop, "disturbances": disturbances,
 }  # fmt: skip

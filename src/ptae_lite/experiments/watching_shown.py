@@ -19,14 +19,15 @@ FAR_M = 0.030  # a move that is seen in a small picture
 KINDS = ("the named cube is moved", "both cubes are moved", "the hand is pushed")
 
 
-def kind_of(acted: Acted) -> str | None:
-    """What a clip is an example of; None if it is not shown."""
-    pushed, far = acted.disturbance.push_m is not None, np.hypot(*acted.episode.shift_m.T)
-    if acted.moved == "none":
-        return KINDS[2] if pushed else None
-    if pushed or far[far > 0].min(initial=1) < FAR_M:
+def kind_of(sample: int, round_: int) -> str | None:
+    """What a corrected clip is an example of; None if it is not shown."""
+    which, what = corrections.disturbance_of(sample, round_)
+    if what.places_m is None:
+        return KINDS[2] if what.push_m is not None else None
+    far = np.hypot(*(what.places_m - motions.draw(corrections.seed_of(sample, round_)).places_m).T)
+    if what.push_m is not None or far[far > 0].min() < FAR_M:
         return None
-    return {"named": KINDS[0], "both": KINDS[1]}.get(acted.moved)
+    return {"named": KINDS[0], "both": KINDS[1]}.get(which)
 
 
 def frames_shown(acted: Acted) -> np.ndarray:
@@ -41,9 +42,9 @@ def write_strips(path) -> None:
     """Store images of the first corrected clip of each kind, with a line of text each."""
     found = {}
     for sample, round_ in corrections.jobs_in("train"):
-        acted = corrections.act_clip(sample, round_)
-        kind = kind_of(acted)
+        kind = kind_of(sample, round_)
         if kind and kind not in found:
+            acted = corrections.act_clip(sample, round_)
             shown = np.stack([acted.planner.images[t] for t in frames_shown(acted)])
             asked = pattern(sample // motions.VARIATIONS).meaning
             found[kind] = (shown, f"{sentence(asked)}: {kind}")

@@ -25,9 +25,9 @@ from ptae_lite.robot.scene import TABLE_TOP_M
 
 GAIN = 0.5  # the share of a small deviation that is made up in a slow frame
 LARGEST_M, LARGEST_UP_M = 0.008, 0.014  # in a slow frame, aside and up or down
-CLOSE_M, FAR_M = 0.006, 0.020  # above the start of the stroke, and not above it
+CLOSE_M, FAR_M = 0.008, 0.020  # above the start of the stroke, and not above it
 PUSHED_RAD = 0.05  # the motors miss a target by less
-READY_M = 0.007  # from the start of the stroke, at most, when it starts
+READY_M = 0.010  # from the start of the stroke, at most, when it starts
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,8 @@ class Disturbance:
         low: not before the hand has come down to the table.
         places_m: (2, 2) x and y of where the two cubes are put.
         push_m: (3,) how far the hand is driven from where it is.
-        push_frames: how many frames the push takes.
+        push_frames: in how many frames it is driven there.
+        held_frames: for how many more frames it is held there.
         friction: of the cubes, as a share of the usual one, in the whole episode.
         mass: of the cubes, likewise.
         light: its brightness, likewise.
@@ -53,6 +54,7 @@ class Disturbance:
     places_m: Float[np.ndarray, "2 2"] | None = None
     push_m: Float[np.ndarray, " 3"] | None = None
     push_frames: int = 0
+    held_frames: int = 0
     friction: float = 1.0
     mass: float = 1.0
     light: float = 1.0
@@ -94,9 +96,10 @@ class Happening:
     def driven(self, frame: int, wish_rad: Float[np.ndarray, " 5"]) -> Float[np.ndarray, " 5"]:
         """Where the arm goes in a frame: to the wish, or where the push drives it."""
         done = frame - self.event + 1
-        if self._what.push_m is None or self.event < 0 or done > self._what.push_frames:
+        took = self._what.push_frames
+        if self._what.push_m is None or self.event < 0 or done > took + self._what.held_frames:
             return wish_rad
-        share = ease(done / self._what.push_frames)
+        share = ease(min(done / took, 1.0))
         aim_m = self._from_m + share * self._what.push_m
         aim_m[2] = max(aim_m[2], TABLE_TOP_M + motions.LOW_HEIGHT_M)  # never into the table
         return inverse.towards(aim_m, self._world.joints_rad())

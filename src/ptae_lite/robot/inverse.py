@@ -30,6 +30,7 @@ STEPS = 60
 LARGEST_STEP_RAD = 0.25
 TOLERANCE_M = 1e-4
 NEAR_ENOUGH_RAD = 3e-4  # the last step of the search that starts from the angles now
+NEAR_DAMPING = 0.03  # a search that starts near its end needs less
 PLACES_ON_THE_WAY = 32  # that are tried if a point is out of reach
 
 
@@ -42,14 +43,19 @@ def _jacobians(joints_rad):
     hand = links["hand"]
     down = -hand[:, :3, 2]
     tip = hand[:, :3, 3] + arm.FINGERTIP_M * down
-    of_tip = np.empty((len(tip), 3, len(arm.JOINTS)))
-    of_down = np.empty_like(of_tip)
+    axes = np.empty((len(tip), 3, len(arm.JOINTS)))
+    levers = np.empty_like(axes)
     for j, joint in enumerate(arm.JOINTS):
         frame = links[joint.link]
-        axis = frame[:, :3, :3] @ np.array(joint.axis, dtype=float)
-        of_tip[:, :, j] = np.cross(axis, tip - frame[:, :3, 3])
-        of_down[:, :, j] = np.cross(axis, down)
-    return tip, down, of_tip, of_down
+        axes[:, :, j] = frame[:, :3, :3] @ np.array(joint.axis, dtype=float)
+        levers[:, :, j] = tip - frame[:, :3, 3]
+    return tip, down, _cross(axes, levers), _cross(axes, down[:, :, None])
+
+
+def _cross(a, b):
+    """Cross products along the second axis, of all joints at once: `np.cross` is slow."""
+    rows = [a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))]
+    return np.stack(rows, axis=1)
 
 
 def solve(targets_m: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 5"]:
@@ -89,7 +95,7 @@ def towards(
     """
     target_m = np.asarray(target_m, dtype=float)
     now = np.clip(joints_rad, arm.LOWER_RAD, arm.UPPER_RAD)
-    q, miss_m = _nearest(target_m[None], now[None], NEAR_ENOUGH_RAD)
+    q, miss_m = _nearest(target_m[None], now[None], NEAR_ENOUGH_RAD, NEAR_DAMPING)
     if miss_m[0] <= TOLERANCE_M:
         return q[0]
     start_m = arm.fingertip(now[None])[0]
@@ -100,7 +106,7 @@ def towards(
     return found[np.linalg.norm(arm.fingertip(found) - target_m, axis=1).argmin()]
 
 
-def _nearest(targets_m, q, near_enough_rad=1e-7):
+def _nearest(targets_m, q, near_enough_rad=1e-7, damping=DAMPING):
     """Angles (T, 5) found from the angles `q`, and by how much (T,) their fingertips miss."""
     frames, joints = len(targets_m), len(arm.JOINTS)
     free = np.ones_like(q)  # 0 for a joint at its limit: the other joints must do the motion
@@ -111,7 +117,7 @@ def _nearest(targets_m, q, near_enough_rad=1e-7):
         # The Lagrange conditions of the linearised problem, one 8 x 8 system a frame.
         system = np.zeros((frames, joints + 3, joints + 3))
         system[:, :joints, :joints] = np.swapaxes(of_down, 1, 2) @ of_down
-        system[:, range(joints), range(joints)] += POSTURE_WEIGHT**2 + DAMPING
+        system[:, range(joints), range(joints)] += POSTURE_WEIGHT**2 + damping
         system[:, :joints, joints:] = np.swapaxes(of_tip, 1, 2)
         system[:, joints:, :joints] = of_tip
         system[:, range(joints, joints + 3), range(joints, joints + 3)] -= 1e-9  # at full stretch
