@@ -64,11 +64,6 @@ class HandPlanner(nn.Module):
             "middle", torch.tensor(NOMINAL_PLACES_M, dtype=torch.float32), persistent=False
         )
 
-    def remember(self, task, read, hand, place) -> Float[Tensor, "B 2"]:
-        """The remembered place after one more look."""
-        seen = torch.cat([task, *self._hand(hand, read)], dim=1)
-        return place + torch.sigmoid(self.gate(seen)) * (read - place)
-
     def _hand(self, hand, place):
         off = torch.cat([hand[..., :2] - place, hand[..., 2:] - self.home[2]], dim=-1)
         return (hand - self.home) / HAND_UNIT_M, off / NEAR_UNIT_M
@@ -85,13 +80,14 @@ class HandPlanner(nn.Module):
             hand: where the hand is, in metres.
             memory: from the frame before; None at the first.
         """
+        every = task[:, None].expand(-1, hand.shape[1], -1)
+        gate = torch.sigmoid(self.gate(torch.cat([every, *self._hand(hand, read)], dim=2)))
         place, places = read[:, 0] if memory is None else memory.place_m, []
-        for r, h in zip(read.unbind(1), hand.unbind(1), strict=True):
-            place = self.remember(task, r, h, place)
+        for new, share in zip(read.unbind(1), gate.unbind(1), strict=True):
+            place = torch.lerp(place, new, share)
             places.append(place)
         kept = torch.stack(places, dim=1)
         at = (kept - self.middle.mean(0)) / HAND_UNIT_M
-        every = task[:, None].expand(-1, hand.shape[1], -1)
         inputs = torch.cat([every, *self._hand(hand, kept), at], dim=2)
         hidden, states = self.lstm(inputs, None if memory is None else memory.states)
         wish = self.home + HAND_UNIT_M * self.rest(hidden)

@@ -10,7 +10,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ptae_lite.errors import ConfigError
 from ptae_lite.robot import arm
 
 
@@ -37,12 +36,7 @@ def fingertip(joints_rad: Float[Tensor, "... 5"]) -> Float[Tensor, "... 3"]:
 
     with the joints' origins `o`, angles `q` and axes (`C v = axis x v`). `tip5` are the fingertips
     in the frame of the last joint.
-
-    Raises:
-        ConfigError: there are not five joints.
     """
-    if joints_rad.shape[-1:] != (len(arm.JOINTS),):
-        raise ConfigError(f"an arm has {len(arm.JOINTS)} joints, not {tuple(joints_rad.shape)}")
     tip = _TIP.to(joints_rad)
     for j in reversed(range(len(arm.JOINTS))):
         turn, angle = _TURNS[j].to(joints_rad), joints_rad[..., j, None]

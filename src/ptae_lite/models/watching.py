@@ -43,7 +43,7 @@ class WatcherConfig:
         ConfigError: a value makes no sense.
     """
 
-    ptae: PTAEConfig = field(default_factory=PTAEConfig)
+    ptae: PTAEConfig | dict = field(default_factory=PTAEConfig)  # a dict if read from a file
     task_units: int = 64
     place_units: int = 128
     gate_units: int = 32
@@ -53,7 +53,7 @@ class WatcherConfig:
     blind: bool = False  # a control: it sees the first image only, and does not feel its hand
 
     def __post_init__(self):
-        if not isinstance(self.ptae, PTAEConfig):  # read from a file
+        if isinstance(self.ptae, dict):
             object.__setattr__(self, "ptae", PTAEConfig(**self.ptae))
         check_sizes(self, *(name for name, value in asdict(self).items() if type(value) is int))
 
