@@ -15,10 +15,12 @@ from ptae_lite.experiments import (
     incongruence_table,
     recipes,
     supervision,
+    watching,
 )
 
 STUDIES = {
     "supervision": supervision, "recipes": recipes, "family": family, "encoders": encoders,
     "encoders-in-use": encoders_in_use, "incongruence": incongruence_table,
     "closed-loop": closed_loop, "disturbances": disturbances,
+    "watching": watching,
 }  # fmt: skip
