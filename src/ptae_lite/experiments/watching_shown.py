@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
+from torch import nn
 
-from ptae_lite.experiments import corrections
+from ptae_lite import artefacts
+from ptae_lite.experiments import corrections, disturbances, episodes
 from ptae_lite.experiments.corrections import Acted
+from ptae_lite.experiments.episodes import StoredEpisode
 from ptae_lite.files import write_arrays
-from ptae_lite.language import pattern, sentence
+from ptae_lite.language import (
+    ACTIONS,
+    SIDES,
+    SPEEDS,
+    Meaning,
+    Pattern,
+    parse,
+    pattern,
+    sentence,
+)
+from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import motions
+from ptae_lite.robot.closed_loop import Setting
+from ptae_lite.robot.disturbances import Disturbance
 
-STRIPS = "corrected_strips.npz"
+STRIPS, EPISODES = "corrected_strips.npz", "watching_episodes.npz"
 IMAGES = 5  # of a strip
 LAST = 0.72  # of a clip: the stroke is over, and the hand goes home
 FAR_M = 0.030  # a move that is seen in a small picture
@@ -54,8 +73,76 @@ def write_strips(path) -> None:
     write_arrays(path, strips=np.stack(videos), texts=np.array(texts))
 
 
-def keep(folder) -> None:
-    """Write the files that are missing in a folder."""
-    strips = Path(folder) / STRIPS
+class Shown(NamedTuple):
+    """A stored episode: who acted, and whether a cube was moved meanwhile."""
+
+    model: str
+    moved: bool
+    kept: StoredEpisode
+
+
+def move_of(stage: Setting, meaning: Meaning, number: int = 0) -> Disturbance:
+    """How cubes are moved in a scene of `episodes.stages`: by a hard move if one is drawn.
+
+    Args:
+        meaning: of the sentence; it names the colour of a cube that is there.
+        number: of the scene. Another number draws another move.
+    """
+    side = SIDES[stage.colours.index(meaning.colour)]
+    asked = Pattern(-1, meaning.action, side, meaning.speed, *stage.colours, "")
+    scene = disturbances.Scene(number, asked, motions.middle(stage.places_m))
+    row = disturbances.draw(scene, "moved")
+    return disturbances.disturbance_of(SimpleNamespace(condition="moved", **row))
+
+
+def all_of(models: Mapping[str, Trained], encoder: nn.Module) -> list[Shown]:
+    """What each model does in the first scene of `episodes.stages` with each sentence.
+
+    The cubes stay in one episode, and are moved in another.
+    """
+    stage = next(iter(episodes.stages().values()))
+    meanings = [Meaning(*one) for one in product(ACTIONS, stage.colours, SPEEDS)]
+    moves = {meaning: move_of(stage, meaning) for meaning in meanings}
+    return [
+        Shown(model, moved, episodes.perform(
+            trained, encoder, stage, sentence(meaning), meaning, moves[meaning] if moved else None))
+        for model, trained in models.items() for moved in (True, False) for meaning in meanings
+    ]  # fmt: skip
+
+
+def write(path, shown: list[Shown]) -> None:
+    """Store episodes in one file."""
+    episodes.write(
+        path, [one.kept for one in shown],
+        model=np.array([one.model for one in shown]), moved=np.array([one.moved for one in shown]),
+    )  # fmt: skip
+
+
+def load(path=None) -> list[Shown]:
+    """The episodes of a file; the stored ones if None is given."""
+    path = path or artefacts.stored(f"results/{EPISODES}")
+    with np.load(path, allow_pickle=False) as file:
+        about = file["model"].tolist(), file["moved"].tolist()
+    return [Shown(*one) for one in zip(*about, episodes.load(path), strict=True)]
+
+
+def find(shown: list[Shown], model: str, moved: bool, instruction: str) -> StoredEpisode:
+    """The episode of a model with this sentence or one of the same meaning."""
+    return next(
+        one.kept for one in shown
+        if (one.model, one.moved) == (model, moved)
+        and parse(one.kept.instruction) == parse(instruction)
+    )  # fmt: skip
+
+
+def keep(folder, models: Mapping[str, Trained], encoder: nn.Module) -> None:
+    """Write the files that are missing in a folder.
+
+    Args:
+        models: those that act, by name; without them no episodes are written.
+    """
+    strips, acted = Path(folder) / STRIPS, Path(folder) / EPISODES
     if not strips.exists():
         write_strips(strips)
+    if models and not acted.exists():
+        write(acted, all_of(models, encoder))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -10,7 +10,14 @@ import pandas as pd
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
+from ptae_lite import artefacts
+from ptae_lite.experiments.episodes import StoredEpisode
+from ptae_lite.experiments.watching_shown import STRIPS
 from ptae_lite.plots import style
+from ptae_lite.plots.simulation import grid
+from ptae_lite.robot import arm
+from ptae_lite.robot.disturbances import LOW_M
+from ptae_lite.robot.scene import CUBE_EDGE_M, TABLE_TOP_M
 
 MARKS = ("o", "s", "D", "^")
 COLOURS = (style.BLUE, style.ORANGE, style.GREY, style.SERIES[1])
@@ -86,9 +93,7 @@ def corrections(table: pd.DataFrame, models: Mapping[str, str]) -> Figure:
     return style.closed(figure)
 
 
-def amounts(
-    rates: pd.DataFrame, clips: Mapping[str, str], controls: Mapping[str, str]
-) -> Figure:
+def amounts(rates: pd.DataFrame, clips: Mapping[str, str], controls: Mapping[str, str]) -> Figure:
     """Success over the amount of corrected clips, and below it that of other trainings.
 
     A hollow dot is a training. A line joins the medians over the amounts.
@@ -118,27 +123,35 @@ def amounts(
     return style.closed(figure)
 
 
-def ways_above(
-    episodes: Mapping[str, tuple], before_m: np.ndarray, after_m: np.ndarray, edge_m: float,
-    colours: Sequence[str],
-) -> Figure:
-    """The table from above: the ways of the fingertips, and the cubes before and after the move.
+def ways_above(acted: Mapping[str, StoredEpisode]) -> Figure:
+    """The table from above: the ways of the fingertips, and the cubes before and after a move.
+
+    The way is thick where the hand is down at the table. The robot is below the picture.
 
     Args:
-        episodes: label to the fingertips (T, 3) in metres and a colour.
-        before_m: (2, 2) x and y of the cubes before they were moved.
-        after_m: and after it.
-        edge_m: of a cube.
-        colours: of the cubes.
+        acted: label to an episode. All have the same scene and the same move.
     """
-    figure, axis = plt.subplots(figsize=(style.WIDTH, 3.4))
-    for places, solid in ((before_m, False), (after_m, True)):
-        for (x, y), colour in zip(places, colours, strict=True):
-            corner = (-y - edge_m / 2, x - edge_m / 2)
-            axis.add_patch(plt.Rectangle(corner, edge_m, edge_m, fill=solid, ec=colour, fc=colour,
-                                         alpha=0.5, ls="-" if solid else "--", lw=1.6))  # fmt: skip
-    for label, (tips, colour) in episodes.items():
-        axis.plot(-tips[:, 1], tips[:, 0], color=colour, label=label)
-    axis.set(aspect="equal", xlabel="to the right, m", ylabel="away from the robot, m")
+    figure, axis = plt.subplots(figsize=(style.WIDTH, 3.6))
+    one, edge = next(iter(acted.values())), CUBE_EDGE_M
+    for frame, moved in ((0, False), (one.episode.event, True)):
+        for pose, colour in zip(one.episode.cubes[frame], one.stage.colours, strict=True):
+            corner = (-pose[1] - edge / 2, pose[0] - edge / 2)
+            axis.add_patch(plt.Rectangle(
+                corner, edge, edge, angle=-np.degrees(2 * np.arctan2(pose[5], pose[6])),
+                rotation_point="center", fill=moved, ec="black", fc=colour, alpha=0.5,
+                ls="-" if moved else "--", lw=1.2))  # fmt: skip
+    for (label, kept), colour in zip(acted.items(), COLOURS, strict=False):
+        x, y, z = arm.fingertip(kept.episode.joints_rad).T
+        low = np.where(z < TABLE_TOP_M + LOW_M, x, np.nan)
+        axis.plot(-y, x, color=colour, lw=1)
+        axis.plot(-y, low, color=colour, lw=3.5, label=label)
+    axis.set(aspect="equal", xlabel="to the right, m", ylabel="away from the robot, m",
+             xlim=(-0.30, 0.10), ylim=(0.28, 0.52))  # fmt: skip
     figure.legend(loc="outside lower center", ncols=2)
     return style.closed(figure)
+
+
+def strips(path=None) -> Figure:
+    """Rows of images of corrected clips, each with its sentence and what happened."""
+    with np.load(path or artefacts.stored(f"results/{STRIPS}"), allow_pickle=False) as file:
+        return grid(dict(zip(file["texts"].tolist(), file["strips"], strict=True)))
