@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from torch import nn
 
 from ptae_lite import artefacts
@@ -133,6 +134,19 @@ def find(shown: list[Shown], model: str, moved: bool, instruction: str) -> Store
         if (one.model, one.moved) == (model, moved)
         and parse(one.kept.instruction) == parse(instruction)
     )  # fmt: skip
+
+
+def told_rightly(table: pd.DataFrame) -> pd.Series:
+    """Whether a model said of its own episode what it had been told to do.
+
+    Args:
+        table: a row an episode, with `sentence` and `described`.
+    """
+    pairs = zip(table["described"].fillna(""), table["sentence"], strict=True)
+    return pd.Series(
+        [len(said.split()) == 3 and parse(said) == parse(asked) for said, asked in pairs],
+        index=table.index,
+    )
 
 
 def keep(folder, models: Mapping[str, Trained], encoder: nn.Module) -> None:

@@ -123,6 +123,25 @@ def amounts(rates: pd.DataFrame, clips: Mapping[str, str], controls: Mapping[str
     return style.closed(figure)
 
 
+def draws(table: pd.DataFrame) -> Figure:
+    """How many moves were drawn until one was hard: a bar a number, and one for none at all.
+
+    Args:
+        table: a row a scene, with `draws` and `valid`.
+    """
+    hard = table["valid"] == 1
+    counts = table["draws"][hard].value_counts()
+    numbers = range(1, int(table["draws"].max()) + 1)
+    figure, axis = plt.subplots(figsize=(style.WIDTH, 2.4))
+    bars = axis.bar(numbers, counts.reindex(numbers, fill_value=0), color=style.SKY, width=0.7)
+    axis.bar_label(bars)
+    axis.bar_label(axis.bar(numbers[-1] + 1.5, (~hard).sum(), color=style.GREY, width=0.7))
+    axis.set_xticks([*numbers, numbers[-1] + 1.5], [*numbers, "none"])
+    axis.set(xlabel="draws until a move was hard", ylabel="test scenes")
+    axis.grid(axis="x", visible=False)
+    return style.closed(figure)
+
+
 def ways_above(acted: Mapping[str, StoredEpisode]) -> Figure:
     """The table from above: the ways of the fingertips, and the cubes before and after a move.
 

@@ -178,7 +178,7 @@ class Box:
             options=[s for meaning in MEANINGS for s in alternatives(meaning)],
         )  # fmt: skip
         act = ipywidgets.Button(description="Act")
-        snatch = ipywidgets.Button(description="Act, and move the cubes meanwhile")
+        snatch = ipywidgets.Button(description="Snatch the cubes away")
         snatch.layout.width = "auto"
         view, numbers = ipywidgets.HTML(), count()
 
