@@ -70,10 +70,11 @@ def score(trained: Trained | None, samples: Samples, model: str, seed: int, cond
         asked = task.asked
         if trained is None:
             joints = samples.joints[task.sample, : samples.frames[task.sample]]
-            episode = closed_loop.perform(task.stage, closed_loop.replay(joints))
+            replay = closed_loop.replay(joints)
+            episode = closed_loop.perform(task.stage, replay, disturbance=task.disturbance)
         else:
             actor = Actor(trained, encoder, task.instruction, watch=condition == BACK)
-            episode = closed_loop.perform(task.stage, actor)
+            episode = closed_loop.perform(task.stage, actor, disturbance=task.disturbance)
             clips.append((task, actor.looks, episode.joints_rad))
         verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
         if condition == "absent_colour":

@@ -58,7 +58,7 @@ LOWEST_M = TABLE_TOP_M + 0.008
 
 def settings(split: str, without: str | None, encoder_file) -> dict:
     """What the clips of a folder depend on."""
-    rule = {name: getattr(corrections, name) for name in ("GAIN", "LARGEST_M", "LARGEST_UP_M",
+    rule = {name: getattr(corrections, name) for name in ("GAIN", "HURRY", "LARGEST_M", "LARGEST_UP_M",
             "CLOSE_M", "FAR_M", "READY_M")}  # fmt: skip
     return {
         "format": files.FORMAT, "fingerprint": fingerprint(),

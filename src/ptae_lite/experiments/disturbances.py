@@ -77,7 +77,10 @@ def draw(scene: Scene, condition: str) -> dict:
         row["draws"], what = number, _draw(rng, scene, condition, which)
         if what is None:
             return row | {"valid": 0, "reason": NOT_FREE}
-        knows, unaware = (_verdict(scene, planner, what) for planner in (Planner, UnawarePlanner))
+        unaware = _verdict(scene, UnawarePlanner, what)
+        if condition == "moved" and unaware.success and number < DRAWS:
+            continue
+        knows = _verdict(scene, Planner, what)
         row |= _columns(what, which if condition in ("moved", "late") else "")
         row |= {"knows": int(knows.success), "knows_reason": knows.reason,
                 "unaware": int(unaware.success), "unaware_reason": unaware.reason}  # fmt: skip
@@ -163,8 +166,10 @@ def disturbance_of(row) -> Disturbance:
 def read(path) -> pd.DataFrame:
     """The table, with empty texts where nothing went wrong."""
     table = tables.read(Path(path), KEY)
-    texts = [name for name in ("reason", "cubes") if name in table]
-    return table.fillna(dict.fromkeys(texts, ""))
+    for name in ("reason", "cubes", "knows_reason", "unaware_reason"):
+        if name in table:
+            table[name] = table[name].astype(object).fillna("")
+    return table
 
 
 def study(folder, splits=("held_out",), conditions=CONDITIONS, workers: int = 1,

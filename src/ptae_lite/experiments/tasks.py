@@ -11,12 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ptae_lite import artefacts
 from ptae_lite.data.samples import Samples
-from ptae_lite.errors import RobotError
+from ptae_lite.errors import ArtefactError, RobotError
 from ptae_lite.evaluation import alternatives_for
+from ptae_lite.experiments import disturbances
 from ptae_lite.language import COLOURS, Pattern, pattern, sentence
 from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Setting
+from ptae_lite.robot.disturbances import Disturbance
 from ptae_lite.robot.motions import PLACE_JITTER_M, VARIATIONS
 from ptae_lite.robot.scene import NOMINAL_PLACES_M
 
@@ -31,12 +34,14 @@ class Task(NamedTuple):
         stage: the scene.
         instruction: the sentence; None for a blank one.
         asked: a pattern whose action, side and speed are the right ones.
+        disturbance: what happens meanwhile; None for nothing.
     """
 
     sample: int
     stage: Setting
     instruction: str | None
     asked: Pattern
+    disturbance: Disturbance | None = None
 
 
 def tasks_in(samples: Samples, indices) -> list[Task]:
@@ -124,6 +129,24 @@ def absent_colour(tasks: list[Task]) -> list[Task]:
     return made
 
 
+def disturbed(samples: Samples, condition: str, split: str, table=None) -> list[Task]:
+    """Scenes in which something happens. Those without a valid draw are left out."""
+    path = table or artefacts.stored(f"results/{disturbances.FILE}")
+    rows = disturbances.read(path)
+    rows = rows[(rows["split"] == split) & (rows["condition"] == condition)]
+    if rows.empty:
+        raise ArtefactError(
+            f"{path} has no scenes {condition!r} of the split {split!r}; draw them with: "
+            f"python -m ptae_lite study disturbances --splits {split}"
+        )
+    rows = rows[rows["valid"] == 1]
+    tasks = tasks_in(samples, rows["sample"])
+    return [
+        task._replace(disturbance=disturbances.disturbance_of(row))
+        for task, row in zip(tasks, rows.itertuples(), strict=True)
+    ]
+
+
 # Those in OF_ALL use all test samples; the others use two of each pattern.
 CONDITIONS: dict[str, Callable[[list[Task]], list[Task]]] = {
     "replay": as_recorded, "test": as_recorded, "blank": blank,
@@ -133,7 +156,19 @@ CONDITIONS: dict[str, Callable[[list[Task]], list[Task]]] = {
 OF_ALL = ("replay", "test", "blank")
 
 
-def tasks_of(samples: Samples, condition: str, split: str = "test") -> list[Task]:
-    """All tasks of a condition."""
+DISTURBED = disturbances.CONDITIONS  # each scene with what is drawn for it in `disturbances.csv`
+
+
+def tasks_of(samples: Samples, condition: str, split: str = "test", table=None) -> list[Task]:
+    """All tasks of a condition, of `CONDITIONS` or of `DISTURBED`.
+
+    Args:
+        table: the file `disturbances.csv`; the stored one if None.
+
+    Raises:
+        ArtefactError: the file has no scenes of this condition and split.
+    """
+    if condition in DISTURBED:
+        return disturbed(samples, condition, split, table)
     tasks = tasks_in(samples, samples.split(split))
     return CONDITIONS[condition](tasks if condition in OF_ALL else first_two(tasks))

@@ -4,7 +4,8 @@ The motion of `motions` is a path in time. Here it becomes a rule. The state is 
 are, where the cubes are, and the phase of the motion. The rule takes the path for the cube's
 present place and makes what the hand is off this path smaller in every frame::
 
-    goal = path(clock + 1) + off - min(GAIN |off|, LARGEST) off / |off|,    off = tip - path(clock)
+    goal = path(clock + 1) + off - min(GAIN |off|, max(LARGEST, HURRY |off|)) off / |off|
+    off = tip - path(clock)
 
 So a hand that was pushed, or whose cube was moved, is back on its path after about ten slow frames.
 Two things wait for it. The hand comes down only above the place where the stroke starts, and the
@@ -25,6 +26,7 @@ from ptae_lite.robot.scene import TABLE_TOP_M
 
 GAIN = 0.5  # the share of a small deviation that is made up in a slow frame
 LARGEST_M, LARGEST_UP_M = 0.008, 0.014  # in a slow frame, aside and up or down
+HURRY = 1 / 6  # a hand that is far off makes up this share of it, if that is more
 CLOSE_M, FAR_M = 0.008, 0.020  # above the start of the stroke, and not above it
 PUSHED_RAD = 0.05  # the motors miss a target by less
 READY_M = 0.010  # from the start of the stroke, at most, when it starts
@@ -64,7 +66,7 @@ def correct(
     places = cubes[:, :2] if before_stroke else phase.places_m
     now = replace(variation, places_m=places)
     ahead = min(phase.clock + step, CLOCK[-1])
-    here, there = motions.points_at(pattern, now, np.array([phase.clock, ahead]))
+    here, there = motions.points_at(pattern, now, np.array([phase.clock, ahead], dtype=float))
     off = tip_m - here
     if before_stroke and ahead >= stroke and np.linalg.norm(off) > READY_M:
         ahead, there = phase.clock, here
@@ -85,7 +87,7 @@ def _left_of(off_m, step: float):
     gain = 1 - (1 - GAIN) ** step
     kept = np.array(off_m, dtype=float)
     if aside > 0:
-        kept[:2] *= 1 - min(gain * aside, step * LARGEST_M) / aside
+        kept[:2] *= 1 - min(gain * aside, step * max(LARGEST_M, HURRY * aside)) / aside
     kept[2] -= np.clip(gain * off_m[2], -step * LARGEST_UP_M, step * LARGEST_UP_M)
     return kept
 
