@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from ptae_lite.acting import Actor
 from ptae_lite.errors import ConfigError
 from ptae_lite.language import ACTIONS, SIDES, SPEEDS, decode, encode, signal_index
 from ptae_lite.models import kinematics
@@ -88,6 +89,12 @@ class WatchingActor:
 
     def _seen(self):
         return zip(self.looks, self.poses, strict=True)
+
+
+def actor_of(trained: Trained, encoder: nn.Module, sentence: str) -> WatchingActor | Actor:
+    """A policy that executes a sentence, with a model that watches or with a PTAE."""
+    kind = WatchingActor if trained.model.kind == "watcher" else Actor
+    return kind(trained, encoder, sentence)
 
 
 def _row(numbers) -> Tensor:

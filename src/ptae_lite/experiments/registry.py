@@ -13,6 +13,7 @@ from ptae_lite.experiments import (
     encoders_in_use,
     family,
     incongruence_table,
+    places,
     recipes,
     supervision,
     watching,
@@ -21,6 +22,6 @@ from ptae_lite.experiments import (
 STUDIES = {
     "supervision": supervision, "recipes": recipes, "family": family, "encoders": encoders,
     "encoders-in-use": encoders_in_use, "incongruence": incongruence_table,
-    "closed-loop": closed_loop, "disturbances": disturbances,
+    "closed-loop": closed_loop, "disturbances": disturbances, "places": places,
     "watching": watching,
 }  # fmt: skip

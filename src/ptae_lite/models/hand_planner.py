@@ -24,10 +24,12 @@ class Memory(NamedTuple):
 
     Args:
         place_m: where it believes the named cube to be, or to have been at the touch.
-        states: of the recurrent layers.
+        attention: state of the recurrent layer of the gate.
+        states: of the recurrent layers of the wish.
     """
 
     place_m: Float[Tensor, "B 2"]
+    attention: Tensor
     states: tuple[Tensor, Tensor]
 
 
@@ -38,8 +40,9 @@ class HandPlanner(nn.Module):
 
         m' = m + gate (read - m)
 
-    The gate sees the hand, the hand's way from the cube, and the task. It learns to close when the
-    arm hides the cube or moves it. A recurrent network sees the same, and answers ::
+    The gate is a recurrent layer that sees the hand, the hand's way from the cube, and the task. It
+    learns to close when the arm hides the cube or moves it. Two more recurrent layers see the same
+    with the remembered place, and answer ::
 
         wish = home + share (m' - home) + rest
 
@@ -53,9 +56,8 @@ class HandPlanner(nn.Module):
 
     def __init__(self, task: int, units: int, layers: int, gate_units: int):
         super().__init__()
-        self.gate = nn.Sequential(
-            nn.Linear(task + 6, gate_units), nn.Tanh(), nn.Linear(gate_units, 1)
-        )
+        self.attend = nn.GRU(task + 6, gate_units, batch_first=True)
+        self.gate = nn.Linear(gate_units, 1)
         self.lstm = nn.LSTM(task + 8, units, layers, batch_first=True)
         open_forget_gates(self.lstm)
         self.share, self.rest = nn.Linear(units, 2), nn.Linear(units, 3)
@@ -81,7 +83,9 @@ class HandPlanner(nn.Module):
             memory: from the frame before; None at the first.
         """
         every = task[:, None].expand(-1, hand.shape[1], -1)
-        gate = torch.sigmoid(self.gate(torch.cat([every, *self._hand(hand, read)], dim=2)))
+        seen = torch.cat([every, *self._hand(hand, read)], dim=2)
+        attended, attention = self.attend(seen, None if memory is None else memory.attention)
+        gate = torch.sigmoid(self.gate(attended))
         place, places = read[:, 0] if memory is None else memory.place_m, []
         for new, share in zip(read.unbind(1), gate.unbind(1), strict=True):
             place = torch.lerp(place, new, share)
@@ -92,4 +96,4 @@ class HandPlanner(nn.Module):
         hidden, states = self.lstm(inputs, None if memory is None else memory.states)
         wish = self.home + HAND_UNIT_M * self.rest(hidden)
         follow = torch.sigmoid(self.share(hidden)) * (kept - self.home[:2])
-        return wish + nn.functional.pad(follow, (0, 1)), kept, Memory(place, states)
+        return wish + nn.functional.pad(follow, (0, 1)), kept, Memory(place, attention, states)
