@@ -26,7 +26,7 @@ from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
 from ptae_lite.robot.disturbances import Disturbance
-from ptae_lite.watching_actor import WatchingActor
+from ptae_lite.watching_actor import actor_of
 
 EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
 OF_PAPER = "closed_loop_ptae_episodes.npz"  # the same scenes and sentences, acted by "ptae"
@@ -59,12 +59,6 @@ def side_of(stage: Setting, meaning: Meaning) -> str | None:
     """The side of the named cube; None if no cube has its colour."""
     at = dict(zip(stage.colours, SIDES, strict=True))
     return at.get(meaning.colour)
-
-
-def actor_of(trained: Trained, encoder: nn.Module, instruction: str) -> Actor | WatchingActor:
-    """The policy that a model is in the loop."""
-    kind = WatchingActor if trained.model.kind == "watcher" else Actor
-    return kind(trained, encoder, instruction)
 
 
 def perform(
