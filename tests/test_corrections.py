@@ -135,9 +135,9 @@ def succeeds(policy, p, drawn, what) -> bool:
 
 def test_the_planner_succeeds_where_the_unaware_one_fails(simulator):
     rng = np.random.default_rng(1)
-    draws = [disturbed(rng, number) for number in range(6)]
+    draws = [disturbed(rng, number) for number in range(3)]
     assert all(succeeds(Planner, *one) for one in draws)
-    assert sum(succeeds(UnawarePlanner, *one) for one in draws) <= 4
+    assert sum(succeeds(UnawarePlanner, *one) for one in draws) <= 1
     p, drawn = pattern(FAST), motions.draw(FAST)
     assert succeeds(UnawarePlanner, p, drawn, None)  # where nothing happens, it does as planned
 

@@ -180,6 +180,21 @@ def test_a_worker_that_is_killed(simulator, whole_recording, tmp_path):
     assert recorded(folder) == whole_recording
 
 
+def test_corrected_clips_of_which_the_recorder_is_killed(simulator, tmp_path):
+    """At most the clip at hand is lost, and the same command goes on to the same clips."""
+    folder, whole = tmp_path / "clips", tmp_path / "whole"
+    process = start("corrections", folder)
+    until_said(process, 2)
+    assert stop(process, signal.SIGKILL)[0] == -signal.SIGKILL
+    kept = contents(folder / "clips")
+    assert 2 <= len(recorded(folder)) < 6 and not (folder / "clips.npz").exists()
+    assert run("corrections", folder)[0] == run("corrections", whole)[0] == 0
+    assert recorded(folder) == recorded(whole) and len(recorded(whole)) == 7
+    after = contents(folder)
+    assert {k: v for k, v in kept.items() if ".part" not in k}.items() <= after.items()
+    assert not [name for name in after if name.endswith(".part")]
+
+
 # ---------------------------------------------------------------- a full re-run
 
 

@@ -69,6 +69,20 @@ def record(folder, workers="1") -> int:
     return guarded("record", work)
 
 
+def corrections(folder) -> int:
+    """Record six corrected clips of fast patterns."""
+    from ptae_lite.cli import guarded
+    from ptae_lite.experiments import corrections as clips
+
+    few = [(480 + i, 0) for i in range(6)]
+    clips.jobs_in = lambda *_: few
+
+    def work():
+        clips.record(folder, workers=1, progress=slow)
+
+    return guarded("corrections", work)
+
+
 def make(*paths) -> int:
     """Write small tables, one row at a time, as a stage of a re-run does."""
     from ptae_lite.files import atomic_write

@@ -58,8 +58,8 @@ LOWEST_M = TABLE_TOP_M + 0.008
 
 def settings(split: str, without: str | None, encoder_file) -> dict:
     """What the clips of a folder depend on."""
-    rule = {name: getattr(corrections, name) for name in ("GAIN", "HURRY", "LARGEST_M", "LARGEST_UP_M",
-            "CLOSE_M", "FAR_M", "READY_M")}  # fmt: skip
+    names = ("GAIN", "HURRY", "LARGEST_M", "LARGEST_UP_M", "CLOSE_M", "FAR_M", "READY_M")
+    rule = {name: getattr(corrections, name) for name in names}
     return {
         "format": files.FORMAT, "fingerprint": fingerprint(),
         "encoder": artefacts.sha256(encoder_file),
