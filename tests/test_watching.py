@@ -116,7 +116,7 @@ def test_shapes_and_gradients_reach_every_part():
     model = Watcher(WatcherConfig(ptae=TINY))
     task = torch.tensor([[0, 1, 1], [1, 2, 0]])
     video, hand = torch.randn(2, 7, 30), torch.randn(2, 7, 3)
-    read = model.read(task, video, video[:, 0])
+    read = model.read(task, video)
     wish, kept, memory = model.follow(task, read, hand)
     assert read.shape == kept.shape == (2, 7, 2) and wish.shape == (2, 7, 3)
     assert memory.place_m.shape == (2, 2)
@@ -135,7 +135,7 @@ def test_shapes_and_gradients_reach_every_part():
 def test_step_by_step_it_wishes_what_it_wishes_for_the_whole_clip(learned, shown):
     model, task = learned.model, shown.task[:2]
     with torch.no_grad():
-        read = model.read(task, shown.features[:2], shown.features[:2, 0])
+        read = model.read(task, shown.features[:2])
         whole, places, _ = model.follow(task, read, shown.hand_m[:2])
         memory = None
         for t in range(30):
@@ -149,19 +149,18 @@ def test_step_by_step_it_wishes_what_it_wishes_for_the_whole_clip(learned, shown
 def test_a_blind_one_sees_the_first_image_only_and_does_not_feel_its_hand(shown):
     torch.manual_seed(0)
     model, task = Watcher(WatcherConfig(ptae=TINY, blind=True)), shown.task
-    first = shown.features[:, 0]
-    read = model.read(task, shown.features, first)
-    assert (read == read[:, :1]).all()
-    torch.testing.assert_close(read, model.read(task, torch.randn_like(shown.features), first))
-    wish = model.follow(task, read, shown.hand_m)[0]
-    torch.testing.assert_close(wish, model.follow(task, read, torch.randn_like(shown.hand_m))[0])
+    read, hand = model.read(task, shown.features), shown.hand_m
+    wish, kept, _ = model.follow(task, read, hand)
+    other = torch.cat([read[:, :1], torch.randn_like(read[:, 1:])], dim=1)
+    torch.testing.assert_close(wish, model.follow(task, other, torch.randn_like(hand))[0])
+    torch.testing.assert_close(kept, read[:, :1].expand_as(kept))
 
 
 def test_it_learns_eight_clips(learned, shown):
     model = learned.model
     with torch.no_grad():
         decided = model.task.decide(first_codes(model, shown).flatten(0, 1))
-        read = model.read(shown.task, shown.features, shown.features[:, 0])
+        read = model.read(shown.task, shown.features)
         wish, kept, _ = model.follow(shown.task, read, shown.hand_m)
     assert (decided == shown.task.repeat_interleave(8, 0)).all()
     free = shown.before_touch

@@ -69,7 +69,7 @@ class WatchingActor:
             )
         now = first if self.frozen else self.looks[-1]
         hand = kinematics.fingertip(_row(joints_rad))
-        read = model.read(self.numbers, now[:, None], first)
+        read = model.read(self.numbers, now[:, None])
         wish, _, self.memory = model.follow(self.numbers, read, hand[:, None], self.memory)
         return inverse.towards(wish[0, 0].numpy().astype(float), joints_rad)
 

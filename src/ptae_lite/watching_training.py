@@ -51,7 +51,7 @@ class WatchingRecipe:
     learning_rate: float = 3e-3  # the peak
     clock_lr: float = 1e-2
     weight_decay: float = 0.01  # of the two readers
-    feature_noise: float = 0.03  # in network units, of the reader of places
+    feature_noise: float = 0.02  # in network units, of the reader of places
     hand_noise_m: float = 0.003  # of the measured hand: it must not copy its last step
     remember_weight: float = 1.0  # of the remembered place's loss
     clip_norm: float = 1.0
@@ -170,13 +170,13 @@ def first_codes(model: Watcher, data: Prepared) -> Float[Tensor, "C 8 H"]:
 def fit_places(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
     """Train the reader of places."""
     free = data.before_touch
-    now, places = data.features[free], data.places_m[free]
-    first = data.features[:, :1].expand_as(data.features)[free]
+    seen, places = data.features[free], data.places_m[free]
 
     def loss(_):
-        drawn = torch.randint(len(now), (recipe.frames,))
-        seen = [x + recipe.feature_noise * torch.randn_like(x) for x in (now[drawn], first[drawn])]
-        return ((model.places(*seen) - places[drawn]) / CM).square().mean()
+        drawn = torch.randint(len(seen), (recipe.frames,))
+        shown = seen[drawn]
+        shown = shown + recipe.feature_noise * torch.randn_like(shown)
+        return ((model.places(shown) - places[drawn]) / CM).square().mean()
 
     return _cycle(model.places.parameters(), loss, recipe.place_steps, recipe, recipe.weight_decay)
 
@@ -184,7 +184,7 @@ def fit_places(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
 def fit_plan(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
     """Train the planner of the hand, on clips of one speed at a time."""
     with torch.no_grad():
-        read = model.read(data.task, data.features, data.features[:, 0])
+        read = model.read(data.task, data.features)
     groups = [which for speed in (0, 1) if len(which := (data.task[:, 2] == speed).nonzero()[:, 0])]
     share = torch.tensor([len(which) for which in groups]) / len(data.task)
 

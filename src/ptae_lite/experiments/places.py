@@ -87,8 +87,7 @@ def _readers(known: Prepared, given: Prepared, seed: int) -> dict[str, np.ndarra
         model = Watcher(WatcherConfig(ptae=PTAEConfig(features=known.features.shape[2])))
         fit_places(model, known, WatchingRecipe(seed=seed))
     with torch.no_grad():
-        first = given.features[:, :1].expand_as(given.features)
-        network = model.places(given.features, first).numpy()
+        network = model.places(given.features).numpy()
     said = (np.broadcast_to(true.mean(0), (len(flat), len(AXES))), linear.numbers(flat), network)
     return {name: np.reshape(one, shape) for name, one in zip(READERS, said, strict=True)}
 

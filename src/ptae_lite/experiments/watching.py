@@ -25,13 +25,13 @@ from ptae_lite.experiments import disturbances, options, watching_scores
 from ptae_lite.experiments.closed_loop import row_of
 from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.experiments.runner import Study, check_names, run
-from ptae_lite.experiments.tasks import Task, tasks_in, tasks_of
+from ptae_lite.experiments.tasks import Task, tasks_of
 from ptae_lite.experiments.watching_training import BASE, watching_training
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import arm, closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode
 from ptae_lite.robot.corrections import Planner, UnawarePlanner
-from ptae_lite.robot.disturbances import LOW_M, Disturbance
+from ptae_lite.robot.disturbances import LOW_M
 from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
 from ptae_lite.watching_actor import WatchingActor
 
@@ -64,23 +64,8 @@ class Acted(NamedTuple):
     """
 
     task: Task
-    disturbance: Disturbance | None
     episode: Episode
     described: str = ""
-
-
-def scenes(samples: Samples, split: str, condition: str, table: Path):
-    """The tasks of a condition, each with what happens meanwhile.
-
-    Args:
-        table: `disturbances.csv`.
-    """
-    if condition in OF_LOOP:
-        return [(task, None) for task in tasks_of(samples, condition, split)]
-    rows = disturbances.read(table)
-    rows = rows[(rows["split"] == split) & (rows["condition"] == condition) & (rows["valid"] == 1)]
-    tasks = tasks_in(samples, rows["sample"])
-    return list(zip(tasks, map(disturbances.disturbance_of, rows.itertuples()), strict=True))
 
 
 def motion_of(task: Task) -> motions.Variation:
@@ -90,9 +75,7 @@ def motion_of(task: Task) -> motions.Variation:
     return drawn if own else motions.middle(task.stage.places_m)
 
 
-def act(
-    model: str, trained: Trained | None, encoder: nn.Module, task: Task, what: Disturbance | None
-) -> Acted:
+def act(model: str, trained: Trained | None, encoder: nn.Module, task: Task) -> Acted:
     """Act one episode."""
     if trained is None:
         policy = PLANNERS[model](task.asked, motion_of(task))
@@ -100,9 +83,9 @@ def act(
         policy = Actor(trained, encoder, task.instruction)
     else:
         policy = WatchingActor(trained, encoder, task.instruction, frozen=model == "frozen")
-    episode = closed_loop.perform(task.stage, policy, disturbance=what)
+    episode = closed_loop.perform(task.stage, policy, disturbance=task.disturbance)
     tells = isinstance(policy, WatchingActor) and len(policy.looks) == len(policy.poses)
-    return Acted(task, what, episode, policy.describe() if tells else "")
+    return Acted(task, episode, policy.describe() if tells else "")
 
 
 def row(acted: Acted) -> dict:
@@ -129,15 +112,19 @@ def row(acted: Acted) -> dict:
 
 def score(trained: Trained | None, samples: Samples, model: str, seed: int, split: str,
           condition: str, *, table: Path) -> pd.DataFrame:  # fmt: skip
-    """All episodes of one model under one condition, a row each."""
+    """All episodes of one model under one condition, a row each.
+
+    Args:
+        table: the file `disturbances.csv`.
+    """
     encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
     rows = []
-    for task, what in scenes(samples, split, condition, table):
+    for task in tasks_of(samples, condition, split, table):
         head = {
             "model": model, "seed": seed, "split": split, "condition": condition,
             "pattern": task.asked.index, "variation": task.sample % motions.VARIATIONS,
         }  # fmt: skip
-        rows.append(head | row(act(model, trained, encoder, task, what)))
+        rows.append(head | row(act(model, trained, encoder, task)))
     return pd.DataFrame(rows)
 
 

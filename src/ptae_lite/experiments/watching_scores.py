@@ -54,7 +54,7 @@ def executed(trained: Trained, data: Prepared, alternative) -> Float[np.ndarray,
     """The joints that the policy answers at each frame of recorded clips, in radians."""
     model, clip = trained.model, torch.arange(len(data.task))
     task = model.task.decide(first_codes(model, data)[clip, alternative])
-    read = model.read(task, data.features, data.features[:, 0])
+    read = model.read(task, data.features)
     wish, _, _ = model.follow(task, read, data.hand_m)
     joints = trained.scaling.joints_back(data.keys[:, :, data.features.shape[2] :].numpy())
     made = np.zeros((len(clip), STEPS, joints.shape[2]))

@@ -3,7 +3,7 @@
 ::
 
     sentence, first look --PTAE--> h --TaskReader--> side, action, speed --\\
-    image now, first image --PlaceReader--> places of the cubes -------HandPlanner --> wish
+    image now --PlaceReader--> places of the cubes --------------------HandPlanner --> wish
     measured joints --forward kinematics--> place of the hand -------------/
 
 The PTAE stays as it was trained, and does its four tasks as before. Its code tells once, at the
@@ -83,23 +83,20 @@ def one_of_each(task: Int[Tensor, "B 3"]) -> Float[Tensor, "B K"]:
 
 
 class PlaceReader(nn.Module):
-    """Features of the present and of the first image to the places of both cubes."""
+    """Features of an image to the places of both cubes."""
 
     def __init__(self, features: int, units: int):
         super().__init__()
         self.layers = nn.Sequential(
-            nn.Linear(2 * features, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU(),
+            nn.Linear(features, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU(),
             nn.Linear(units, 4),
         )  # fmt: skip
         middle = torch.tensor(NOMINAL_PLACES_M, dtype=torch.float32)
         self.register_buffer("middle", middle, persistent=False)
 
-    def forward(
-        self, now: Float[Tensor, "... F"], first: Float[Tensor, "... F"]
-    ) -> Float[Tensor, "... 2 2"]:
+    def forward(self, features: Float[Tensor, "... F"]) -> Float[Tensor, "... 2 2"]:
         """x and y of the left and the right cube, in metres."""
-        read = self.layers(torch.cat([now, first], dim=-1))
-        return self.middle + PLACE_UNIT_M * read.unflatten(-1, (2, 2))
+        return self.middle + PLACE_UNIT_M * self.layers(features).unflatten(-1, (2, 2))
 
 
 class Watcher(nn.Module):
@@ -153,18 +150,15 @@ class Watcher(nn.Module):
         return self.ptae.language(code + self.clock(time), WORDS_OUT)
 
     def read(
-        self, task: Int[Tensor, "B 3"], video: Float[Tensor, "B T F"], first: Float[Tensor, "B F"]
+        self, task: Int[Tensor, "B 3"], video: Float[Tensor, "B T F"]
     ) -> Float[Tensor, "B T 2"]:
         """Where the named cube is in each image, as far as it is seen, in metres.
 
         Args:
             task: side, action and speed as numbers.
             video: features of the images.
-            first: features of the first image.
         """
-        first = first[:, None].expand_as(video)
-        places = self.places(first if self.config.blind else video, first)
-        return places[torch.arange(len(task)), :, task[:, 0]]
+        return self.places(video)[torch.arange(len(task)), :, task[:, 0]]
 
     def follow(
         self, task: Int[Tensor, "B 3"], read: Float[Tensor, "B T 2"], hand: Float[Tensor, "B T 3"],
@@ -180,5 +174,7 @@ class Watcher(nn.Module):
         Returns:
             Wishes (B, T, 3), remembered places of the named cube (B, T, 2), and the memory.
         """
-        hand = self.plan.home.expand_as(hand) if self.config.blind else hand
+        if self.config.blind:
+            first = read[:, :1] if memory is None else memory.place_m[:, None]
+            read, hand = first.expand_as(read), self.plan.home.expand_as(hand)
         return self.plan(one_of_each(task), read, hand, memory)
