@@ -12,8 +12,9 @@ import numpy as np
 import pandas as pd
 from torch import nn
 
-from ptae_lite import artefacts
-from ptae_lite.experiments import corrections, disturbances, episodes
+from ptae_lite import artefacts, vision
+from ptae_lite.data.samples import Samples
+from ptae_lite.experiments import corrections, disturbances, episodes, runner, watching
 from ptae_lite.experiments.corrections import Acted
 from ptae_lite.experiments.episodes import StoredEpisode
 from ptae_lite.files import write_arrays
@@ -33,6 +34,7 @@ from ptae_lite.robot.closed_loop import Setting
 from ptae_lite.robot.disturbances import Disturbance
 
 STRIPS, EPISODES = "corrected_strips.npz", "watching_episodes.npz"
+ACTING = ("watching", "one_look_policy")
 IMAGES = 5  # of a strip
 LAST = 0.72  # of a clip: the stroke is over, and the hand goes home
 FAR_M = 0.030  # a move that is seen in a small picture
@@ -149,14 +151,23 @@ def told_rightly(table: pd.DataFrame) -> pd.Series:
     )
 
 
-def keep(folder, models: Mapping[str, Trained], encoder: nn.Module) -> None:
-    """Write the files that are missing in a folder.
+def keep(folder, samples: Samples, weights, clips) -> None:
+    """Write the files that are missing in a folder, each if it can be made.
+
+    The episodes are those of `ACTING` with seed 0. Their models must be in the folder `weights`.
 
     Args:
-        models: those that act, by name; without them no episodes are written.
+        clips: the folder of corrected clips that they learned from.
     """
     strips, acted = Path(folder) / STRIPS, Path(folder) / EPISODES
     if not strips.exists():
         write_strips(strips)
-    if models and not acted.exists():
-        write(acted, all_of(models, encoder))
+    if acted.exists():
+        return
+    known = {
+        name: runner.found(watching.experiment_of(samples, name, 0, "test", clips=clips), weights)
+        for name in ACTING
+    }
+    if all(one is not None for one in known.values()):
+        encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
+        write(acted, all_of(known, encoder))
