@@ -155,14 +155,14 @@ def test_clips_without_noise_are_not_mixed_with_others(folder):
         corrections.record(folder, workers=1, without="noise")
 
 
-def test_clips_of_some_samples_and_padded():
+def test_clips_of_some_samples_and_stacked():
     every = files.join([clip(6, 4), clip(700, 2), clip(7, 3)])
     mine = every.of(np.array([6, 7]))
     assert mine.sample.tolist() == [6, 7] and mine.frames.tolist() == [4, 3] and len(mine) == 2
     assert (mine.goal_m[4:] == clip(7, 3).goal_m).all()
-    padded = mine.padded("features")
-    assert padded.shape == (2, 4, 30) and not padded[1, 3:].any()
-    assert (padded[1, :3] == clip(7, 3).features).all()
+    stacked = mine.stacked("features")
+    assert stacked.shape == (2, 4, 30) and not stacked[1, 3:].any()
+    assert (stacked[1, :3] == clip(7, 3).features).all()
 
 
 @pytest.mark.parametrize("damage", ["cut short", "empty", "too few frames"])

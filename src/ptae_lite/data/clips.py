@@ -70,7 +70,7 @@ class Clips:
             for one in fields(self)
         })  # fmt: skip
 
-    def padded(self, name: str) -> np.ndarray:
+    def stacked(self, name: str) -> np.ndarray:
         """An array of frames as (C, T, ...), with zeros after the end of a clip."""
         values = getattr(self, name)
         made = np.zeros((len(self), self.frames.max(initial=0), *values.shape[1:]), values.dtype)
