@@ -282,7 +282,8 @@ def test_the_box_acts_or_says_in_a_sentence_why_not(kept, monkeypatch):
 
     trained, encoder, made = kept
     box = shown.Box({"it": trained, "another": trained}, encoder, made).widget()
-    who, scene, text, button, view = box.children
+    who, scene, text, buttons, view = box.children
+    button, snatch = buttons.children
     monkeypatch.setattr("ptae_lite.robot.closed_loop.LIMIT", 5)
     text.value = "pull the red one"
     button.click()
@@ -290,6 +291,11 @@ def test_the_box_acts_or_says_in_a_sentence_why_not(kept, monkeypatch):
     text.value = "push scarlet slowly"
     button.click()
     assert "red cube (left)" in view.value
+    moved = []
+    monkeypatch.setattr(shown.watching_shown, "move_of", lambda *given: moved.append(given[2]))
+    snatch.click()
+    snatch.click()
+    assert "red cube (left)" in view.value and moved == [0, 1]  # another move each time
 
     def no_simulator():
         from ptae_lite.errors import RobotError

@@ -26,6 +26,12 @@ SOURCES = (
     "def followed(said, given, shown):\n    colour = lambda text: language.parse(text).colour\n"
 )
 DONE = "def done(before, after, frames, action, side, speed): "
+GAIN = """
+def gain(seen, was, wanted, pattern, apart, fit):
+    test = np.isin(pattern, apart)
+    policy = fit(seen[~test], wanted[~test])
+    went, asked = policy(seen[test]) - was[test], wanted[test] - was[test]
+"""
 VERDICT = "def verdict(values, paper, reads, margin): "
 
 WRONG = {
@@ -228,6 +234,26 @@ def on_plane(column, row, z_m):
         ("along = moved_mm[named] @", "along = abs(moved_mm[named]) @"),
         ("np.linalg.norm(moved_mm[1 - named])", "abs(moved_mm[1 - named]).max()"),
         ("np.linalg.norm(moved_mm[1 - named])", "abs(moved_mm[1 - named]).sum()"),
+    ],
+    "6.4": [
+        # Never trains, or not on what is given.
+        "def gain(seen, was, wanted, pattern, apart, fit): return 1.0",
+        "def gain(seen, was, wanted, pattern, apart, fit): return 0.0",
+        ("fit(seen[~test], ", "fit(0 * seen[~test], "),
+        ("wanted[~test])", "wanted[~test] - was[~test])"),
+        ("policy = fit(seen[~test], wanted[~test])", "policy = fit(seen[test], wanted[test])"),
+        # Another split: half of the clips by chance, or by their place in the list.
+        ("np.isin(pattern, apart)", "np.arange(len(pattern)) % 3 == 0"),
+        ("np.isin(pattern, apart)", "np.isin(pattern, apart[:1])"),
+        ("np.isin(pattern, apart)", "np.isin(pattern, np.unique(globals()['apart']))"),
+        # Another number.
+        GAIN + "    return np.corrcoef(went.ravel(), asked.ravel())[0, 1]",
+        GAIN + "    return np.sqrt((went**2).sum() / (asked**2).sum())",
+        GAIN + "    return (went * asked).sum() / (went * went).sum()",
+        GAIN + "    return ((went * asked).sum(1) / (asked * asked).sum(1)).mean()",
+        GAIN + "    return (went * asked).sum(0)[0] / (asked * asked).sum(0)[0]",
+        ("policy(seen[test]) - was[test]", "policy(seen[test]) - was[test].mean(0)"),
+        ("asked = wanted[test] - was[test]", "asked = wanted[test]"),
     ],
     "7.1": [
         VERDICT + "return 'held'",

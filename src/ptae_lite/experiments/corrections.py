@@ -20,6 +20,7 @@ from argparse import ArgumentParser
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -110,25 +111,49 @@ class NoisyPlanner(Planner):
         return self._deviation - (1 - corrections.GAIN) ** self._step * before
 
 
-def record_clip(encoder, sample: int, round_: int, without: str | None = None) -> Clips:
-    """Record one clip. On one machine, the same arguments give the same bytes.
+class Acted(NamedTuple):
+    """Who acted in a clip and what it saw, what happened, and which cubes were moved."""
+
+    planner: NoisyPlanner
+    episode: closed_loop.Episode
+    kind: str
+    disturbance: Disturbance
+
+
+def seed_of(sample: int, round_: int) -> int:
+    """The seed of a clip's motion and of all that happens in it."""
+    return FIRST_SEED + ROUND_SEEDS * round_ + sample
+
+
+def disturbance_of(sample: int, round_: int) -> tuple[str, Disturbance]:
+    """Which cubes are moved in a clip (`none` if none is), and all that disturbs it."""
+    seed = seed_of(sample, round_)
+    asked, rng = pattern(sample // motions.VARIATIONS), np.random.default_rng([77, seed, 0])
+    return _draw(rng, asked, motions.draw(seed))
+
+
+def act_clip(sample: int, round_: int, without: str | None = None) -> Acted:
+    """Act one clip with the camera on. On one machine, the same arguments give the same bytes.
 
     Args:
-        encoder: the image encoder.
         sample: in whose pattern the clip is made.
         round_: 0 for the first clip of the sample, 1 for the second.
         without: `added-noise`, `disturbances` or None.
     """
-    asked = pattern(sample // motions.VARIATIONS)
-    seed = FIRST_SEED + ROUND_SEEDS * round_ + sample
+    asked, seed = pattern(sample // motions.VARIATIONS), seed_of(sample, round_)
     drawn, rng = motions.draw(seed), np.random.default_rng([77, seed, 1])
-    kind, disturbance = _draw(np.random.default_rng([77, seed, 0]), asked, drawn)
-    if without == "disturbances":
-        kind, disturbance = "none", Disturbance()
+    nothing = ("none", Disturbance())
+    kind, what = nothing if without == "disturbances" else disturbance_of(sample, round_)
     calm = CALM if rng.random() < CALM_SHARE else 1.0
     planner = NoisyPlanner(asked, drawn, rng, NOISE_M * (0 if without == "added-noise" else calm))
     stage = Setting((asked.left, asked.right), drawn.places_m, drawn.yaws_rad)
-    episode = closed_loop.perform(stage, planner, disturbance=disturbance)
+    return Acted(planner, closed_loop.perform(stage, planner, disturbance=what), kind, what)
+
+
+def record_clip(encoder, sample: int, round_: int, without: str | None = None) -> Clips:
+    """One clip with the features of its images; see `act_clip`."""
+    asked = pattern(sample // motions.VARIATIONS)
+    planner, episode, kind, disturbance = act_clip(sample, round_, without)
     verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
 
     def column(value, kind=None):
@@ -138,7 +163,8 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
         sample=column(sample), pattern=column(asked.index), kind=column(kind, "U5"),
         event=column(-1 if disturbance.places_m is None else episode.event),
         pushed=column(-1 if disturbance.push_m is None else episode.event),
-        success=column(verdict.success), seed=column(seed), frames=column(len(planner.images)),
+        success=column(verdict.success), seed=column(seed_of(sample, round_)),
+        frames=column(len(planner.images)),
         features=vision.encode_images(encoder, np.stack(planner.images)),
         joints_rad=np.array(planner.joints, np.float32),
         goal_m=np.array(planner.goals, np.float32), cubes=np.array(planner.cubes, np.float32),

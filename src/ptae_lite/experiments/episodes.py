@@ -25,6 +25,8 @@ from ptae_lite.language import ACTIONS, SIDES, SPEEDS, Meaning, parse, pattern, 
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop, motions
 from ptae_lite.robot.closed_loop import Episode, Setting, Verdict
+from ptae_lite.robot.disturbances import Disturbance
+from ptae_lite.watching_actor import actor_of
 
 EPISODES, STRIPS = "closed_loop_episodes.npz", "closed_loop_strips.npz"
 OF_PAPER = "closed_loop_ptae_episodes.npz"  # the same scenes and sentences, acted by "ptae"
@@ -60,10 +62,12 @@ def side_of(stage: Setting, meaning: Meaning) -> str | None:
 
 
 def perform(
-    trained: Trained, encoder: nn.Module, stage: Setting, instruction: str, meaning: Meaning
-) -> StoredEpisode:
+    trained: Trained, encoder: nn.Module, stage: Setting, instruction: str, meaning: Meaning,
+    disturbance: Disturbance | None = None,
+) -> StoredEpisode:  # fmt: skip
     """Act a sentence. If no cube has the named colour, it is not a success."""
-    episode = closed_loop.perform(stage, Actor(trained, encoder, instruction))
+    actor = actor_of(trained, encoder, instruction)
+    episode = closed_loop.perform(stage, actor, disturbance=disturbance)
     side = side_of(stage, meaning)
     verdict = closed_loop.judge(episode, meaning.action, side or "left", meaning.speed)
     if side is None:
@@ -81,8 +85,12 @@ def all_of(trained: Trained, encoder: nn.Module, progress=lambda jobs: jobs) -> 
     return [perform(trained, encoder, stage, sentence(m), m) for stage, m in progress(jobs)]
 
 
-def write(path, kept: list[StoredEpisode]) -> None:
-    """Store episodes in one file: joints in radians and cubes in metres, as float32."""
+def write(path, kept: list[StoredEpisode], **columns) -> None:
+    """Store episodes in one file: joints in radians and cubes in metres, as float32.
+
+    Args:
+        columns: further arrays, with one value an episode.
+    """
     write_arrays(
         path,
         instruction=np.array([one.instruction for one in kept]),
@@ -91,7 +99,9 @@ def write(path, kept: list[StoredEpisode]) -> None:
         frames=np.array([len(one.episode.joints_rad) for one in kept]),
         joints_rad=np.concatenate([one.episode.joints_rad for one in kept]).astype(np.float32),
         cubes=np.concatenate([one.episode.cubes for one in kept]).astype(np.float32),
-    )
+        event=np.array([one.episode.event for one in kept]),
+        shift_m=np.array([one.episode.shift_m for one in kept]), **columns,
+    )  # fmt: skip
 
 
 def load(path=None) -> list[StoredEpisode]:
@@ -102,9 +112,12 @@ def load(path=None) -> list[StoredEpisode]:
     ends = found["frames"].cumsum()[:-1]
     parts = (np.split(found[name].astype(float), ends) for name in ("joints_rad", "cubes"))
     texts = (found[name].tolist() for name in ("instruction", "scene", "stopped"))
-    for instruction, scene, stopped, joints, cubes in zip(*texts, *parts, strict=True):
+    count = len(found["frames"])
+    happened = found.get("event", [-1] * count), found.get("shift_m", np.zeros((count, 2, 2)))
+    for instruction, scene, *acted in zip(*texts, *parts, *happened, strict=True):
         stage, meaning = scenes[scene], parse(instruction)
-        episode = Episode(joints, cubes, stopped)
+        stopped, joints, cubes, event, shift_m = acted
+        episode = Episode(joints, cubes, stopped, int(event), shift_m)
         verdict = closed_loop.judge(episode, meaning.action, side_of(stage, meaning), meaning.speed)
         kept.append(StoredEpisode(stage, instruction, episode, verdict))
     return kept

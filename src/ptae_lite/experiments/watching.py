@@ -203,6 +203,10 @@ def command(given) -> dict:
     samples = data.load_samples()
     table = study(samples, given.out, given.weights, given.clips, given.models, given.seeds,
                   given.conditions, given.split, **options.where(given, "jobs"))  # fmt: skip
+    if given.split == "test":
+        from ptae_lite.experiments import watching_shown  # here, because it imports this module
+
+        watching_shown.keep(given.out, samples, given.weights, given.clips)
     mine = table[table["split"] == given.split]
     rates = mine.groupby(["condition", "model", "seed"])["success"].agg(["mean", "size"])
     made = options.result(given, "watching.csv", table)

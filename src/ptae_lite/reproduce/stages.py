@@ -11,12 +11,15 @@ from typing import NamedTuple
 from ptae_lite.experiments import (
     closed_loop,
     conflict_examples,
+    disturbances,
     encoders,
     encoders_in_use,
     family,
     incongruence_table,
+    places,
     recipes,
     supervision,
+    watching,
 )
 from ptae_lite.reproduce.checks import (
     PROBED,
@@ -131,6 +134,31 @@ STAGES = (
         "results/closed_loop_ptae_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
         "weights/one_look_policy_seed0.safetensors": SCORES}, 2, 20, simulator=True),
+    Stage("corrections",
+          "ptae_lite corrections --workers 2 --out {out}/corrections", {}, 9, simulator=True,
+          leaves=("corrections/clips.npz",)),
+    Stage("corrections of the controls", "ptae_lite.reproduce.run_parallel "
+          "ptae_lite corrections --without noise --workers 1 --count 648 "
+          "--out {out}/corrections_no_noise + "
+          "ptae_lite corrections --without disturbances --workers 1 --count 648 "
+          "--out {out}/corrections_no_disturbances", {}, 9, simulator=True,
+          leaves=("corrections_no_noise/clips.npz", "corrections_no_disturbances/clips.npz")),
+    Stage("disturbances", "ptae_lite study disturbances --splits test --workers 2 "
+          "--out {out}/results", {
+        "results/disturbances.csv": table(
+            disturbances.KEY, {"^(knows|unaware|valid)$": (0, 0), "_m$": (1e-4, 0)}, 0.95)},
+        8, simulator=True),
+    Stage("places", "ptae_lite study places --clips {out}/corrections --out {out}/results",
+          {"results/places.csv": table([*places.KEY, "axis"], {"error_mm": (0.5, 0.2)}, 0.9)},
+          2, simulator=True),
+    Stage("open eyes", "ptae_lite study watching --split test --workers 2 --seeds {seeds} "
+          "--clips {out}/corrections --weights {out}/weights --out {out}/results", {
+        "results/watching.csv": table(
+            [*watching.KEY, "pattern", "variation"], {"^success$": (0, 0)}, 0.7),
+        "results/watching_models.csv": table(watching.KEY[:3], SCORED, 0.8),
+        "results/watching_episodes.npz": episodes(0.7),
+        "results/corrected_strips.npz": STRIPS,
+        "weights/watching_seed0.safetensors": SCORES}, 6, 27, simulator=True),
     Stage("book", "ptae_lite.book.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
+from itertools import count
 
 import ipywidgets
 import numpy as np
 from torch import nn
 
 from ptae_lite.errors import PTAEError, RobotError
+from ptae_lite.experiments import watching_shown
 from ptae_lite.experiments.episodes import StoredEpisode, perform, side_of, stages
 from ptae_lite.language import ACTIONS, MEANINGS, SIDES, SPEEDS, Meaning, alternatives, parse
 from ptae_lite.models.checkpoint import Trained
@@ -19,6 +21,7 @@ from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.scene3d import arm_scene
 from ptae_lite.widgets.viewer import Viewer
 
+MOVED, STAY = "are moved on the way", "stay"  # what happens to the cubes meanwhile
 WAY = {"push": "away from the robot", "pull": "towards the robot", "slide": "to the right"}
 TEXTS = {  # of a verdict; also for the page that acts by itself
     "verdict": "{how}. The {colour} cube ({side}) {named}, the other one {other}; {pace}.",
@@ -93,12 +96,40 @@ def panel(kept: list[StoredEpisode], start: dict[str, str] | None = None) -> Pan
     )  # fmt: skip
 
 
+def watching_panel(acted: list[watching_shown.Shown], names: Mapping[str, str]) -> Panel:
+    """Choose who acts, whether cubes are moved meanwhile, and a sentence.
+
+    Args:
+        names: of the models, as the panel shows them, in their order.
+    """
+    by_key = {
+        (names[one.model], MOVED if one.moved else STAY, parse(one.kept.instruction)): one.kept
+        for one in acted
+    }
+    colours = acted[0].kept.stage.colours
+
+    def find(who: str, cubes: str, action: str, which: str, speed: str) -> StoredEpisode:
+        return by_key[who, cubes, Meaning(action, colours[which != "the left one"], speed)]
+
+    return Panel(
+        lambda **values: Shown(find(**values)),
+        {"who": tuple(names.values()), "cubes": (MOVED, STAY), "action": ACTIONS,
+         "which": ("the left one", "the right one"), "speed": SPEEDS},
+        "Who acts, and a sentence",
+        describe=lambda **values: verdict_text(find(**values)),
+    )  # fmt: skip
+
+
 def answer(
-    trained: Trained, encoder: nn.Module, kept: list[StoredEpisode], scene: str, text: str
-) -> Shown:
+    trained: Trained, encoder: nn.Module, kept: list[StoredEpisode], scene: str, text: str,
+    number: int | None = None,
+) -> Shown:  # fmt: skip
     """Let the model do what `text` says, in one of the scenes of `episodes.stages`.
 
     Without PyBullet, the episode is looked up among the stored ones.
+
+    Args:
+        number: of the move of the cubes while the arm acts; None for none.
 
     Raises:
         LanguageError: the sentence is wrong. The message lists the words.
@@ -108,14 +139,16 @@ def answer(
     try:
         pybullet()
     except RobotError:
-        for one in kept:
+        for one in kept if number is None else []:
             if one.stage.colours == stage.colours and parse(one.instruction) == meaning:
                 return Shown(one)
         raise RobotError(
             f"there is no PyBullet here to act out {text!r}, and no such episode is stored; stored "
             f"are all sentences about the cubes that are there, {scene}"
         ) from None
-    return Shown(perform(trained, encoder, stage, text.strip().lower(), meaning))
+    moves = number is not None and meaning.colour in stage.colours
+    move = watching_shown.move_of(stage, meaning, number) if moves else None
+    return Shown(perform(trained, encoder, stage, text.strip().lower(), meaning, move))
 
 
 class Box:
@@ -132,8 +165,8 @@ class Box:
         self, policies: Mapping[str, Trained], encoder: nn.Module, kept: list[StoredEpisode]
     ):
         self.names = tuple(policies)
-        self.ask = lambda name, scene, text: answer(
-            policies[name], encoder, kept if name == self.names[0] else [], scene, text
+        self.ask = lambda name, scene, text, number=None: answer(
+            policies[name], encoder, kept if name == self.names[0] else [], scene, text, number
         )
 
     def widget(self) -> ipywidgets.VBox:
@@ -144,20 +177,24 @@ class Box:
             value="push red slowly", description="sentence", ensure_option=False,
             options=[s for meaning in MEANINGS for s in alternatives(meaning)],
         )  # fmt: skip
-        button = ipywidgets.Button(description="Act")
-        view = ipywidgets.HTML()
+        act = ipywidgets.Button(description="Act")
+        snatch = ipywidgets.Button(description="Snatch the cubes away")
+        snatch.layout.width = "auto"
+        view, numbers = ipywidgets.HTML(), count()
 
-        def act(_click) -> None:
-            button.disabled = True
+        def show(number: int | None) -> None:
+            act.disabled = snatch.disabled = True
             try:
-                view.value = self.ask(who.value, scene.value, text.value)._repr_html_()
+                view.value = self.ask(who.value, scene.value, text.value, number)._repr_html_()
             except PTAEError as error:
                 view.value = f'<p role="alert">{escape(str(error))}</p>'
             finally:
-                button.disabled = False
+                act.disabled = snatch.disabled = False
 
-        button.on_click(act)
-        return ipywidgets.VBox([who, scene, text, button, view])
+        act.on_click(lambda _click: show(None))
+        snatch.on_click(lambda _click: show(next(numbers)))
+        buttons = ipywidgets.HBox([act, snatch])
+        return ipywidgets.VBox([who, scene, text, buttons, view])
 
     def _repr_mimebundle_(self, include=None, exclude=None) -> dict:
         if is_static():
