@@ -43,8 +43,13 @@ TABLES = {
     "03": ("family.csv", "recipes.csv", "encoders_in_use.csv"),
     "04": ("supervision.csv",),
     "05": ("incongruence.csv",),
-    "06": ("closed_loop.csv", "closed_loop_models.csv", "watching.csv", "watching_models.csv",
-           "places.csv"),
+    "06": (
+        "closed_loop.csv",
+        "closed_loop_models.csv",
+        "watching.csv",
+        "watching_models.csv",
+        "places.csv",
+    ),
     "07": ("family.csv", "supervision.csv", "incongruence.csv", "closed_loop.csv"),
 }
 # Columns that say what a row is about, and no results.
