@@ -393,6 +393,7 @@ def test_in_firefox_the_models_answer_as_in_pytorch_and_parts_work(folder):
         found = page.evaluate("compare()")
         print(json.dumps(found, indent=1))
         assert found["same"] == 216 and found["agree"] == found["conflicts"]
+        assert len(found["labelled"]) == 3 and min(found["labelled"].values()) >= 215
         assert over(found) == []
         for part in ("vision", "labels", "transformer", "conflict"):
             told = page.evaluate(f"""(async () => {{
