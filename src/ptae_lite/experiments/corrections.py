@@ -41,7 +41,7 @@ from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
 
 FIRST_SEED, ROUND_SEEDS = 100_000, 1_000  # the recording has the seeds 0 to 863
 ROUNDS = 2  # clips of each sample's pattern
-WITHOUT = ("noise", "disturbances")  # what a control can be recorded without
+WITHOUT = ("added-noise", "disturbances")  # what a control can be recorded without
 KINDS = ((0.60, True, False), (0.75, True, True), (0.85, False, True), (1.0, False, False))
 # cumulative shares of the clips: are cubes moved, is the hand pushed?
 CUBES = {"named": 0.35, "both": 0.50, "other": 0.15}  # which, if any
@@ -117,7 +117,7 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
         encoder: the image encoder.
         sample: in whose pattern the clip is made.
         round_: 0 for the first clip of the sample, 1 for the second.
-        without: `noise`, `disturbances` or None.
+        without: `added-noise`, `disturbances` or None.
     """
     asked = pattern(sample // motions.VARIATIONS)
     seed = FIRST_SEED + ROUND_SEEDS * round_ + sample
@@ -126,7 +126,7 @@ def record_clip(encoder, sample: int, round_: int, without: str | None = None) -
     if without == "disturbances":
         kind, disturbance = "none", Disturbance()
     calm = CALM if rng.random() < CALM_SHARE else 1.0
-    planner = NoisyPlanner(asked, drawn, rng, NOISE_M * (0 if without == "noise" else calm))
+    planner = NoisyPlanner(asked, drawn, rng, NOISE_M * (0 if without == "added-noise" else calm))
     stage = Setting((asked.left, asked.right), drawn.places_m, drawn.yaws_rad)
     episode = closed_loop.perform(stage, planner, disturbance=disturbance)
     verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
