@@ -75,11 +75,8 @@ def settings(split: str, without: str | None, encoder_file) -> dict:
 class NoisyPlanner(Planner):
     """The planner, driven off its way by noise and looking at every frame.
 
-    Attributes:
-        images: of every frame in which it acted.
-        goals: what it wanted in these frames, without noise.
-        joints: measured then.
-        cubes: their poses then.
+    It keeps what it saw: `images`, `joints` and `cubes`, and what it then wanted without noise:
+    `goals`.
     """
 
     def __init__(self, pattern, variation, rng, noise_m):

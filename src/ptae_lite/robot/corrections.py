@@ -95,11 +95,8 @@ def _left_of(off_m, step: float):
 class Planner:
     """A policy for `closed_loop.perform`: the planner that sees where the cubes are.
 
-    Use a new one for each episode.
-
-    Attributes:
-        phase: of its motion.
-        goal_m: (3,) where it wanted the fingertips to go in the last frame.
+    Use a new one for each episode. `phase` is that of its motion. `goal_m` (3,) is where, in the
+    last frame, it wanted the fingertips to go.
     """
 
     def __init__(self, pattern: Pattern, variation: Variation):

@@ -63,9 +63,8 @@ class Disturbance:
 class Happening:
     """A disturbance in one episode.
 
-    Attributes:
-        event: the frame in which the cubes were moved, or the push began; -1 before it.
-        shift_m: (2, 2) how far the two cubes were moved by it.
+    `event` is the frame in which the cubes were moved, or the push began; -1 before it. `shift_m`
+    (2, 2) is how far it moved the two cubes.
     """
 
     def __init__(self, disturbance: Disturbance, world: Scene):

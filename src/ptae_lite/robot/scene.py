@@ -79,6 +79,8 @@ class Scene:
         RobotError: there is no such colour, or PyBullet is not installed.
     """
 
+    _light = LIGHT
+
     def __init__(self, colours, places_m=NOMINAL_PLACES_M, yaws_rad=(0.0, 0.0)):
         self._client = None
         for colour in colours:
@@ -104,7 +106,6 @@ class Scene:
         for i, angle in zip(self._joints, self._target_rad, strict=True):
             p.resetJointState(self._nico, i, angle, **self._at)
         self._view, self._projection = self._camera()
-        self._light = dict(LIGHT)
         self.drive(self._target_rad)  # one frame at rest: motors on, cubes settled
 
     def __enter__(self):
@@ -209,8 +210,8 @@ class Scene:
                 cube, -1, lateralFriction=friction * CUBE_FRICTION, mass=mass * CUBE_MASS_KG,
                 **self._at,
             )  # fmt: skip
-        for name in ("lightAmbientCoeff", "lightDiffuseCoeff"):
-            self._light[name] = light * LIGHT[name]
+        parts = ("lightAmbientCoeff", "lightDiffuseCoeff")
+        self._light = LIGHT | {name: light * LIGHT[name] for name in parts}
 
     def drive(self, target_rad: Float[np.ndarray, " 5"]) -> tuple[bool, bool]:
         """Move the arm to `target_rad` in one frame (40 ms) of physics.
