@@ -100,7 +100,7 @@ def test_a_stopped_recording_goes_on_with_what_is_missing_only(folder, tmp_path,
 
 def test_the_goal_is_what_the_planner_wants_and_not_the_noise(folder, encoder):
     noisy = load_clips(folder)
-    calm = [corrections.record_clip(encoder, *job, "noise") for job in jobs()]
+    calm = [corrections.record_clip(encoder, *job, "added-noise") for job in jobs()]
     calm = files.join(calm)
     assert (calm.kind == noisy.kind).all() and (calm.event == noisy.event).all()
 
@@ -152,7 +152,7 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(simulator, tmp_pat
 
 def test_clips_without_noise_are_not_mixed_with_others(folder):
     with pytest.raises(RecordingError, match="other settings"):
-        corrections.record(folder, workers=1, without="noise")
+        corrections.record(folder, workers=1, without="added-noise")
 
 
 def test_clips_of_some_samples_and_stacked():
@@ -183,3 +183,19 @@ def test_a_folder_without_clips_says_how_to_record(tmp_path):
         load_clips(tmp_path)
     with pytest.raises(RecordingError, match="no clips to join"):
         files.join([])
+
+
+@pytest.mark.parametrize("without", [None, *corrections.WITHOUT])
+def test_the_command_records_what_it_is_asked_for(folder, tmp_path, monkeypatch, without):
+    from ptae_lite.__main__ import main
+
+    def record(out, split, *, count, workers, without, progress):
+        shutil.copytree(folder, out)
+        asked.append((split, count, workers, without))
+
+    asked = []
+    monkeypatch.setattr(corrections, "record", record)
+    options = ["--without", without] if without else []
+    out = ["--out", str(tmp_path / "made"), "--count", "3", "--workers", "1"]
+    assert main(["corrections", "--split", "fit", *out, *options]) == 0
+    assert asked == [("fit", 3, 1, without)]

@@ -42,7 +42,7 @@ from ptae_lite.robot.scene import TABLE_TOP_M, pybullet
 
 FIRST_SEED, ROUND_SEEDS = 100_000, 1_000  # the recording has the seeds 0 to 863
 ROUNDS = 2  # clips of each sample's pattern
-WITHOUT = ("noise", "disturbances")  # what a control can be recorded without
+WITHOUT = ("added-noise", "disturbances")  # what a control can be recorded without
 KINDS = ((0.60, True, False), (0.75, True, True), (0.85, False, True), (1.0, False, False))
 # cumulative shares of the clips: are cubes moved, is the hand pushed?
 CUBES = {"named": 0.35, "both": 0.50, "other": 0.15}  # which, if any
@@ -138,14 +138,14 @@ def act_clip(sample: int, round_: int, without: str | None = None) -> Acted:
     Args:
         sample: in whose pattern the clip is made.
         round_: 0 for the first clip of the sample, 1 for the second.
-        without: `noise`, `disturbances` or None.
+        without: `added-noise`, `disturbances` or None.
     """
     asked, seed = pattern(sample // motions.VARIATIONS), seed_of(sample, round_)
     drawn, rng = motions.draw(seed), np.random.default_rng([77, seed, 1])
     nothing = ("none", Disturbance())
     kind, what = nothing if without == "disturbances" else disturbance_of(sample, round_)
     calm = CALM if rng.random() < CALM_SHARE else 1.0
-    planner = NoisyPlanner(asked, drawn, rng, NOISE_M * (0 if without == "noise" else calm))
+    planner = NoisyPlanner(asked, drawn, rng, NOISE_M * (0 if without == "added-noise" else calm))
     stage = Setting((asked.left, asked.right), drawn.places_m, drawn.yaws_rad)
     return Acted(planner, closed_loop.perform(stage, planner, disturbance=what), kind, what)
 
