@@ -24,7 +24,7 @@ from ptae_lite.watching_training import Prepared, clip_codes, first_codes
 def score(trained: Trained, samples: Samples, model: str, seed: int, split: str) -> pd.DataFrame:
     """A row of `watching_models.csv`, in percent.
 
-    Beside the scores of the PTAE below, which does its four tasks as before, `told_accuracy` is the
+    Beside the scores of the PTAE below, which does its four tasks as before, `describe_with_clock_accuracy` is the
     share of clips described rightly without padding, by the clock.
     """
     indices = samples.split(split)
@@ -32,7 +32,9 @@ def score(trained: Trained, samples: Samples, model: str, seed: int, split: str)
            "seconds": trained.about["seconds"], "clips": trained.about["clips"]}  # fmt: skip
     scores = evaluate(trained, samples, split)
     data = Prepared.of(demonstrations.recorded(samples, indices), trained.scaling)
-    scores["told_accuracy"] = 100 * told(trained, data, samples.pattern[indices])
+    scores["describe_with_clock_accuracy"] = 100 * describes(
+        trained, data, samples.pattern[indices]
+    )
     made = executed(trained, data, alternatives_for(len(samples.frames))[indices])
     scores["execute_nrmse"], scores["execute_nrmse_valid"] = nrmse(
         made, samples, indices, trained.scaling
@@ -41,7 +43,7 @@ def score(trained: Trained, samples: Samples, model: str, seed: int, split: str)
 
 
 @torch.no_grad()
-def told(trained: Trained, data: Prepared, pattern) -> float:
+def describes(trained: Trained, data: Prepared, pattern) -> float:
     """The share of clips whose description is right."""
     model = trained.model
     said = model.tell(clip_codes(model, data), data.frames.float()).argmax(2).numpy()
