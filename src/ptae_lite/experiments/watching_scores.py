@@ -24,8 +24,8 @@ from ptae_lite.watching_training import Prepared, clip_codes, first_codes
 def score(trained: Trained, samples: Samples, model: str, seed: int, split: str) -> pd.DataFrame:
     """A row of `watching_models.csv`, in percent.
 
-    Beside the scores of the PTAE below, which does its four tasks as before, `describe_with_clock_accuracy` is the
-    share of clips described rightly without padding, by the clock.
+    Beside the scores of the PTAE below, which does its four tasks as before,
+    `describe_with_clock_accuracy` is the share of clips described rightly without padding.
     """
     indices = samples.split(split)
     row = {"model": model, "seed": seed, "split": split, "steps": trained.about["steps"],
