@@ -313,6 +313,11 @@ def test_the_answers_on_the_loop_are_true_of_its_table(play):
     swapped = loop["table"].query("condition == 'swapped_speed'")
     assert ((swapped["duration"] >= 75) == (swapped["speed"] == "slowly")).all()
     assert all(one.episode.stopped == "home" for one in loop["kept"])
+    eyes = loop["measured"].T
+    assert (eyes["labels from the state"] > 0.85).all()
+    assert (eyes["labels from the recorded motion"] < 0.15).all()
+    flattery = eyes["the same, tested in training scenes"] - eyes["labels from the state"]
+    assert flattery["left"] > 0.02 > flattery["right"]
 
     new = [one for one in loop["kept"] if one.stage.colours == ("green", "yellow")]
     far = [loop["rightness"](one) for one in new]

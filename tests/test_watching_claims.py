@@ -154,9 +154,9 @@ def test_the_stored_episodes_are_those_that_the_chapter_names():
     acted = watching_shown.load()
     assert len(acted) == 48 and {one.model for one in acted} == set(watching_shown.ACTING)
     assert all((one.kept.episode.event >= 0) == one.moved for one in acted)
-    shown = watching_shown.find(acted, "one_look_policy", True, "push red slowly")
+    shown = watching_shown.find(acted, "one_look_policy", True, "slide red slowly")
     assert not shown.verdict.success and shown.verdict.reason == LITTLE
-    other = watching_shown.find(acted, "watching", True, "push red slowly")
+    other = watching_shown.find(acted, "watching", True, "slide red slowly")
     assert other.verdict.success
     done = [one.kept.verdict.success for one in acted if one.model == "watching" and one.moved]
     blind = [one.kept.verdict.success for one in acted

@@ -83,6 +83,7 @@ def test_an_episode_is_read_back_and_judged_from_the_new_place(made, tmp_path):
     ]  # fmt: skip
     assert [one.kept.episode.event for one in back] == [20, 20]
     assert back[0].kept.verdict.named_mm == pytest.approx(50, abs=0.01)
+    assert widgets.verdict_text(back[0].kept).endswith("The cubes were moved in frame 20.")
     found = watching_shown.find(back, "watching", True, "move-up scarlet quickly")
     assert found is back[0].kept
 

@@ -28,6 +28,8 @@ SHOWN = {  # columns of the stored tables, as a card names them
     "last_act": "action read from a last frame, %",
     "joints_r2": "joint angles, R2",
     "success": "does what it was told in the simulator, %",
+    "moved": "the same where a cube is moved meanwhile, %",
+    "told_accuracy": "describes clips without padding right, %",
 }
 
 
@@ -72,6 +74,15 @@ def _of_labelled(share: float) -> Callable[[dict], pd.DataFrame]:
     return rows
 
 
+def _of_watching(about: dict) -> pd.DataFrame:
+    found = _table("watching_models").query("model == 'watching' and split == 'test'")
+    tries = _table("watching").query("model == 'watching' and split == 'test'")
+    acted = 100 * tries.groupby(["condition", "seed"])["success"].mean()
+    columns = {name: found["seed"].map(acted[condition])
+               for name, condition in (("success", "test"), ("moved", "moved"))}  # fmt: skip
+    return _stored(found.assign(**columns), about)
+
+
 def _stored(rows: pd.DataFrame, about: dict) -> pd.DataFrame:
     """With a column that says which training of the table is the stored one."""
     same = (rows["seed"] == about["recipe"]["seed"]) & (rows["steps"] == about["steps"])
@@ -91,6 +102,10 @@ KINDS = {
                                       _of_labelled(share)) for share in (5, 20)},
     "one_look_policy": Kind("PTAE as a policy that looks once", "a sentence, and the first camera "
                             "image", "joint angles frame by frame", _of_policy),
+    "watching": Kind("Policy that watches, on a PTAE", "a sentence, and a camera image and the "
+                     "measured joint angles at every frame", "places for the hand, from which "
+                     "inverse kinematics makes joint angles; a sentence about its own act",
+                     _of_watching),
 }  # fmt: skip
 
 

@@ -68,12 +68,16 @@ def scene_of(sample: int) -> Scene:
     return Scene(sample, pattern(sample // motions.VARIATIONS), motions.draw(sample))
 
 
-def draw(scene: Scene, condition: str) -> dict:
-    """A row: the disturbance that a scene has under a condition, and what the planners do."""
+def draw(scene: Scene, condition: str, most: int = DRAWS) -> dict:
+    """A row: the disturbance that a scene has under a condition, and what the planners do.
+
+    Args:
+        most: draws where there may be more than one.
+    """
     rng = np.random.default_rng([CONDITIONS.index(condition), scene.sample])
     row = {"draws": 1, "valid": 1, "reason": ""}
     which = "named" if condition == "late" or rng.random() < 0.5 else "both"
-    for number in range(1, DRAWS + 1 if condition in ("moved", "late") else 2):
+    for number in range(1, most + 1 if condition in ("moved", "late") else 2):
         row["draws"], what = number, _draw(rng, scene, condition, which)
         if what is None:
             return row | {"valid": 0, "reason": NOT_FREE}

@@ -84,17 +84,24 @@ class Shown(NamedTuple):
     kept: StoredEpisode
 
 
-def move_of(stage: Setting, meaning: Meaning, number: int = 0) -> Disturbance:
+def move_of(
+    stage: Setting, meaning: Meaning, number: int = 0, most: int = disturbances.DRAWS
+) -> Disturbance | None:
     """How cubes are moved in a scene of `episodes.stages`: by a hard move if one is drawn.
+
+    It is None if they cannot be moved, for lack of room.
 
     Args:
         meaning: of the sentence; it names the colour of a cube that is there.
         number: of the scene. Another number draws another move.
+        most: draws; with one, the move is a random one.
     """
     side = SIDES[stage.colours.index(meaning.colour)]
     asked = Pattern(-1, meaning.action, side, meaning.speed, *stage.colours, "")
     scene = disturbances.Scene(number, asked, motions.middle(stage.places_m))
-    row = disturbances.draw(scene, "moved")
+    row = disturbances.draw(scene, "moved", most)
+    if row["reason"] == disturbances.NOT_FREE:
+        return None
     return disturbances.disturbance_of(SimpleNamespace(condition="moved", **row))
 
 

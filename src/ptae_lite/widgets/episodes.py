@@ -32,6 +32,7 @@ TEXTS = {  # of a verdict; also for the page that acts by itself
     "moved": "moved {mm} mm",
     "fell": "fell off the table",
     "pace": "{frames} frames, {speed} asked for",
+    "meanwhile": " The cubes were moved in frame {frame}.",
 }
 
 
@@ -52,11 +53,14 @@ def verdict_text(kept: StoredEpisode) -> str:
     named = SIDES.index(side)
     went = TEXTS["went"].format(mm=f"{verdict.named_mm:.0f}", way=WAY[meaning.action])
     moved = TEXTS["moved"].format(mm=f"{verdict.other_mm:.0f}")
-    return TEXTS["verdict"].format(
+    said = TEXTS["verdict"].format(
         how=TEXTS["done" if verdict.success else "not_done"].format(reason=verdict.reason),
         colour=meaning.colour, side=side, named=TEXTS["fell"] if fell[named] else went,
         other=TEXTS["fell"] if fell[1 - named] else moved, pace=pace,
     )  # fmt: skip
+    if not kept.episode.shift_m.any():
+        return said
+    return said + TEXTS["meanwhile"].format(frame=kept.episode.event)
 
 
 class Shown:
@@ -147,7 +151,7 @@ def answer(
             f"are all sentences about the cubes that are there, {scene}"
         ) from None
     moves = number is not None and meaning.colour in stage.colours
-    move = watching_shown.move_of(stage, meaning, number) if moves else None
+    move = watching_shown.move_of(stage, meaning, number, 1) if moves else None
     return Shown(perform(trained, encoder, stage, text.strip().lower(), meaning, move))
 
 
