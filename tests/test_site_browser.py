@@ -185,8 +185,10 @@ def test_a_scene_whose_script_is_missing_says_so(browser, tmp_path):
     context = browser.new_context(offline=True)
     shown = context.new_page()
     shown.goto((tmp_path / "scene.html").as_uri())
-    assert shown.locator("#clock").inner_text() == "loading"
-    shown.get_by_text("_static/scene.js is missing").wait_for()
+    late = shown.locator("#late")  # hidden at first, since a script may come late
+    assert late.evaluate("one => getComputedStyle(one).animationDelay") == "5s"
+    late.wait_for()
+    assert shown.locator("#clock").inner_text() == "_static/scene.js is missing"
     (tmp_path / "_static").mkdir()
     shutil.copyfile(SITE / viewer.SHARED_SCRIPT, tmp_path / viewer.SHARED_SCRIPT)
     shown.reload()
