@@ -29,7 +29,7 @@ SHOWN = {  # columns of the stored tables, as a card names them
     "joints_r2": "joint angles, R2",
     "success": "does what it was told in the simulator, %",
     "moved": "the same where a cube is moved meanwhile, %",
-    "told_accuracy": "describes clips without padding right, %",
+    "describe_with_clock_accuracy": "describes clips without padding right, %",
 }
 
 
