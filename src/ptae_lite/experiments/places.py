@@ -1,18 +1,19 @@
 """Where do the features say the cubes are? Readers of places, on recorded and on moved cubes.
 
 Readers learn from the recorded and the corrected clips of `fit` and are scored on those of
-`held_out`, in the frames before the arm touches the named cube. In `moved` clips a cube was moved,
-and only the frames after it count.
+`held_out`: on the named cube, in the frames before the arm touches it. (The other one may be hidden
+by the arm, and nobody needs it.) In `moved` clips a cube was moved, and only the frames after it
+count.
 """
 
 from __future__ import annotations
 
 from argparse import ArgumentParser
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import torch
 
 from ptae_lite import devices
 from ptae_lite.data import demonstrations
@@ -54,17 +55,20 @@ def study(samples: Samples, folder, clips, seeds=(0,)) -> pd.DataFrame:
         "moved": _after_event(demonstrations.corrected(moved), moved.event),
     }
     rows = []
-    for name, (shown, counted) in asked.items():
-        given = Prepared.of(shown, scaling)
-        for seed in seeds:
-            for reader, places in _readers(known, given, seed).items():
-                off = 1000 * (places - given.places_m.numpy())[counted].reshape(-1, len(AXES))
-                errors = np.sqrt((off**2).mean(0))
-                rows += [
-                    {"reader": reader, "clips": name, "seed": seed, "axis": axis,
-                     "error_mm": round(float(error), 2)}
-                    for axis, error in zip(AXES, errors, strict=True)
-                ]  # fmt: skip
+    for seed in seeds:
+        readers = _readers(known, seed)
+        for name, (shown, counted) in asked.items():
+            given = Prepared.of(shown, scaling)
+            for reader, read in readers.items():
+                off = 1000 * (read(given.features) - given.places_m.numpy())
+                for number, side in enumerate(SIDES):
+                    own = off[counted & (shown.side == number)[:, None], number]
+                    errors = np.sqrt((own**2).mean(0))
+                    rows += [
+                        {"reader": reader, "clips": name, "seed": seed, "axis": f"{side}_{axis}",
+                         "error_mm": round(float(error), 2)}
+                        for axis, error in zip("xy", errors, strict=True)
+                    ]  # fmt: skip
     table = pd.DataFrame(rows)
     tables.add(Path(folder) / FILE, table, KEY)
     return table
@@ -76,20 +80,25 @@ def _after_event(shown: Demonstrations, event):
     return shown, shown.before_touch & (frame >= event[:, None])
 
 
-def _readers(known: Prepared, given: Prepared, seed: int) -> dict[str, np.ndarray]:
-    """What each reader says of each frame: places (C, T, 2, 2) in metres."""
+def _readers(known: Prepared, seed: int) -> dict[str, Callable]:
+    """The readers: each makes places (C, T, 2, 2) in metres of scaled features (C, T, F)."""
     free = known.before_touch
     true = known.places_m[free].flatten(1).double().numpy()
     linear = probes.fit_regression(known.features[free].numpy(), true)
-    shape = given.places_m.shape
-    flat = given.features.flatten(0, 1).numpy()
     with devices.seeded(seed, "cpu"):
         model = Watcher(WatcherConfig(ptae=PTAEConfig(features=known.features.shape[2])))
         fit_places(model, known, WatchingRecipe(seed=seed))
-    with torch.no_grad():
-        network = model.places(given.features).numpy()
-    said = (np.broadcast_to(true.mean(0), (len(flat), len(AXES))), linear.numbers(flat), network)
-    return {name: np.reshape(one, shape) for name, one in zip(READERS, said, strict=True)}
+
+    def by_map(features):
+        read = linear.numbers(features.flatten(0, 1).numpy())
+        return read.reshape(*features.shape[:2], 2, 2)
+
+    mean = true.mean(0).reshape(2, 2)
+    return {
+        "guess": lambda features: np.broadcast_to(mean, (*features.shape[:2], 2, 2)),
+        "linear": by_map,
+        "network": lambda features: model.places(features).detach().numpy(),
+    }
 
 
 def add_options(parser: ArgumentParser) -> None:
