@@ -16,6 +16,7 @@ from ptae_lite.experiments.watching_shown import STRIPS
 from ptae_lite.plots import style
 from ptae_lite.plots.simulation import grid
 from ptae_lite.robot import arm
+from ptae_lite.robot.closed_loop import TRAVEL_MM
 from ptae_lite.robot.disturbances import LOW_M
 from ptae_lite.robot.scene import CUBE_EDGE_M, TABLE_TOP_M
 
@@ -118,6 +119,28 @@ def amounts(rates: pd.DataFrame, clips: Mapping[str, str], controls: Mapping[str
     axis.set_yticks(places, [*clips.values(), *controls.values()])
     axis.set(xlim=(-3, 103), ylim=(places[-1] + 0.6, -0.6),
              xlabel="success where a cube is moved, %")  # fmt: skip
+    axis.tick_params(axis="y", length=0)
+    axis.grid(axis="y", visible=False)
+    return style.closed(figure)
+
+
+def distances(table: pd.DataFrame, models: Mapping[str, str]) -> Figure:
+    """How far the named cube went as commanded, in mm: a row a model, thick for half of its episodes.
+
+    Args:
+        table: a row an episode, with `model` and `named_mm`.
+        models: the models from top to bottom, with their labels.
+    """
+    figure, axis = plt.subplots(figsize=(style.WIDTH, 0.36 * len(models) + 0.9))
+    for y, model in enumerate(models):
+        far = table[table["model"] == model]["named_mm"].clip(-20, 120)
+        low, quarter, middle, most, high = far.quantile([0.05, 0.25, 0.5, 0.75, 0.95])
+        axis.plot([low, high], [y, y], color=style.SKY, lw=1.4)
+        axis.plot([quarter, most], [y, y], color=style.SKY, lw=6, solid_capstyle="butt")
+        axis.plot(middle, y, "|", color="black", ms=12, mew=2)
+    axis.axvline(TRAVEL_MM, color=style.GREY, ls=":")
+    axis.set_yticks(range(len(models)), models.values())
+    axis.set(ylim=(len(models) - 0.5, -0.5), xlabel="way of the named cube, mm")
     axis.tick_params(axis="y", length=0)
     axis.grid(axis="y", visible=False)
     return style.closed(figure)
