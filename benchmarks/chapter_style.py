@@ -30,7 +30,8 @@ RETOLD = [  # grows with each chapter that is rewritten
     "05_incongruence", "06_closed_loop", "07_report_card", "in_depth/01_motion",
     "in_depth/02_comparing_encoders", "in_depth/03_family", "in_depth/03_training",
     "in_depth/03_execute", "in_depth/04_few_labels", "in_depth/04_how_often",
-    "in_depth/05_conflict", "in_depth/06_acting", "in_depth/06_open_eyes", "in_depth/07_card",
+    "in_depth/04_pseudo_labels", "in_depth/05_conflict", "in_depth/06_acting",
+    "in_depth/06_open_eyes", "in_depth/07_card",
 ]  # fmt: skip
 FOLDED = {"hide-input", "remove-input", "hide-cell", "remove-cell"}
 PANELS = ("Panel(", "TrainButton(", "LivePart('conflict'")  # the last lies over a panel
@@ -42,8 +43,13 @@ TABLES = {
     "03": ("family.csv", "recipes.csv", "encoders_in_use.csv"),
     "04": ("supervision.csv",),
     "05": ("incongruence.csv",),
-    "06": ("closed_loop.csv", "closed_loop_models.csv", "watching.csv", "watching_models.csv",
-           "places.csv"),
+    "06": (
+        "closed_loop.csv",
+        "closed_loop_models.csv",
+        "watching.csv",
+        "watching_models.csv",
+        "places.csv",
+    ),
     "07": ("family.csv", "supervision.csv", "incongruence.csv", "closed_loop.csv"),
 }
 # Columns that say what a row is about, and no results.

@@ -176,12 +176,32 @@ def test_fewer_labels_are_asked_beside_all(page):
     place = press(page, "labels")
     assert place.locator(".stored").is_visible()  # it has other shares
     shares = place.locator("tr th[scope=row]").all_inner_texts()
-    assert shares[-1] == "100 %"
+    assert shares == ["5 %", "20 %", "100 %"]
     count = answered(place)
     place.get_by_label("clip").select_option(label="pull yellow slowly, test")
     until(lambda: answered(place) > count)
     last = place.locator("tr").last.inner_text()
     assert "pull" in last and "≠" not in last
+    choose(place, "share of the labels", "5 %")
+    assert place.locator("tr th[scope=row]").all_inner_texts() == ["5 %"]
+    assert len(said(place).split("; ")) == 1 and "stored" in place.inner_text()
+
+
+def test_no_network_asks_for_the_runtimes_cast(page):
+    """A browser takes 100 MB and seconds to make it fast; see `export`."""
+    named = page.evaluate("""async () => {
+      await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
+      const packs = ["autoencoder", "policy", ...Object.keys(PtaeLive.labelled)], found = {};
+      for (const [k, {parts}] of (await PtaeLive.load(packs)).entries())
+        for (const [part, bytes] of Object.entries(parts)) {
+          const text = new TextDecoder("latin1").decode(bytes);
+          const asks = ["\\x22\\x04Cast", "DequantizeLinear"].map(one => text.includes(one));
+          found[`${packs[k]} ${part}`] = asks;
+        }
+      return found;
+    }""")
+    assert len(named) == 2 + 4 * 4
+    assert set(map(tuple, named.values())) == {(False, True)}
 
 
 def test_a_conflict_is_followed_or_not(page):
@@ -373,6 +393,7 @@ def test_in_firefox_the_models_answer_as_in_pytorch_and_parts_work(folder):
         found = page.evaluate("compare()")
         print(json.dumps(found, indent=1))
         assert found["same"] == 216 and found["agree"] == found["conflicts"]
+        assert len(found["labelled"]) == 3 and min(found["labelled"].values()) >= 215
         assert over(found) == []
         for part in ("vision", "labels", "transformer", "conflict"):
             told = page.evaluate(f"""(async () => {{

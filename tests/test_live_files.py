@@ -6,13 +6,16 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+import onnx
 import pytest
 from letters import bytes_of
+from onnx import TensorProto, helper, numpy_helper
+from onnx.reference import ReferenceEvaluator
 
 from ptae_lite.data.signals import WIRING
 from ptae_lite.errors import PTAEError
 from ptae_lite.language import TOKENS, parse
-from ptae_lite.live import clips, live_part, models, packing, scripts
+from ptae_lite.live import clips, export, live_part, models, packing, scripts
 from ptae_lite.widgets.panels import Panel
 
 JS = Path(scripts.__file__).parent / "js"
@@ -88,6 +91,55 @@ def test_a_model_is_offered_when_its_weights_are_stored(monkeypatch):
     assert offered["labelled"] == {"ptae": 100}
     named = set(models.POLICIES) | set(models.LABELLED)
     assert named == set(models.FIRST) | set(models.MORE)
+
+
+# ---------------------------------------------------------------- graphs
+
+
+def graph_of(nodes, weights, inputs) -> onnx.ModelProto:
+    kinds = {np.dtype(bool): TensorProto.BOOL, np.dtype("f4"): TensorProto.FLOAT}
+    given = [helper.make_tensor_value_info(name, kinds[array.dtype], array.shape)
+             for name, array in inputs.items()]  # fmt: skip
+    out = helper.make_tensor_value_info("out", TensorProto.FLOAT, None)
+    weights = [numpy_helper.from_array(array, name) for name, array in weights.items()]
+    made = helper.make_graph(nodes, "x", given, [out], weights)
+    return helper.make_model(made, opset_imports=[helper.make_opsetid("", export.OPSET)])
+
+
+def test_truth_becomes_numbers_without_a_cast():
+    """Truth to whole numbers to numbers, as of words; a largest one back to truth, as of a mask."""
+    truth = np.array([[True, False, True], [False, False, False]])
+    node, as_number = helper.make_node, {"to": TensorProto.FLOAT}
+    made = graph_of([
+        node("Cast", ["truth"], ["whole"], to=TensorProto.INT64),
+        node("Cast", ["whole"], ["numbers"], **as_number),
+        node("ReduceMax", ["whole", "axis"], ["largest"], keepdims=1),
+        node("Cast", ["largest"], ["any"], to=TensorProto.BOOL),
+        node("Cast", ["any"], ["ends"], **as_number),
+        node("Add", ["numbers", "ends"], ["out"]),
+    ], {"axis": np.array([1])}, {"truth": truth})  # fmt: skip
+    (before,) = ReferenceEvaluator(made).run(None, {"truth": truth})
+    export._without_casts(made.graph)
+    assert "Cast" not in {one.op_type for one in made.graph.node}
+    (after,) = ReferenceEvaluator(made).run(None, {"truth": truth})
+    assert after.tolist() == before.tolist() == [[2, 1, 2], [0, 0, 0]]
+
+
+def test_weights_of_16_bits_come_back_row_by_row():
+    rng = np.random.default_rng(0)
+    weights = (rng.normal(size=(4, 50)) * [[1], [1e-3], [0], [100]]).astype(np.float32)
+    row = np.eye(4, dtype=np.float32)
+    product = helper.make_node("MatMul", ["row", "w"], ["out"])
+    made = graph_of([product], {"w": weights}, {"row": row})
+    export._shorten(made.graph)
+    kinds = {one.name: one.data_type for one in made.graph.initializer}
+    assert kinds == {"w.levels": TensorProto.INT16, "w.scale": TensorProto.FLOAT}
+    (back,) = ReferenceEvaluator(made).run(None, {"row": row})
+    level = np.abs(weights).max(1, keepdims=True) / export.LEVELS
+    assert (np.abs(back - weights) <= 0.51 * level).all()
+
+
+# ---------------------------------------------------------------- clips
 
 
 def test_every_clip_is_there_once(samples):

@@ -32,12 +32,13 @@ def test_a_matrix_is_cut_into_few_equal_blocks(height, rows, count):
     assert torch.equal(blocks.flatten(0, 1), matrix)
 
 
-def test_with_whole_matrices_it_is_pytorchs_muon():
+@pytest.mark.parametrize("decay", [0.0, 5.0])
+def test_with_whole_matrices_it_is_pytorchs_muon(decay):
     start = torch.randn(40, 60, generator=torch.manual_seed(0))
     ours, theirs = Parameter(start.clone()), Parameter(start.clone())
-    mine = optimisers.Muon([ours], lr=1e-2, rows=40)
+    mine = optimisers.Muon([ours], lr=1e-2, weight_decay=decay, rows=40)
     other = torch.optim.Muon(
-        [theirs], lr=1e-2, weight_decay=0, adjust_lr_fn="match_rms_adamw", momentum=0.95
+        [theirs], lr=1e-2, weight_decay=decay, adjust_lr_fn="match_rms_adamw", momentum=0.95
     )
     for _ in range(3):
         ours.grad = torch.randn(40, 60)
@@ -92,3 +93,12 @@ def test_rates_rise_and_fall_to_zero():
     assert rates.index(top) == 4 and top == pytest.approx(2.0)  # a tenth of 50
     assert rates[:5] == sorted(rates[:5]) and rates[4:] == sorted(rates[4:], reverse=True)
     assert rates[-1] == pytest.approx(0.0)
+
+
+def test_weights_decay_outside_the_action_decoder_only(tiny):
+    network = MODELS["ptae"].network(replace(tiny, decoder_units=32, hidden=32))
+    own = {id(p) for p in network.action.parameters()}
+    adam, muon = optimisers.Optimiser(network, replace(MUON, muon_decay=0.5), 10).parts
+    decays = {id(group["params"][0]) in own: group["weight_decay"] for group in muon.param_groups}
+    assert decays == {True: 0.0, False: 0.5}
+    assert not any(group["weight_decay"] for group in adam.param_groups)

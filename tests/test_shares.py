@@ -253,3 +253,19 @@ def test_the_stored_weights_still_give_the_row_of_all_labels(stored):
     again = supervision.examples(trained, samples)
     assert own(said)["sample"].tolist() == again["sample"].tolist()
     assert (own(said)["right"].to_numpy() != again["right"].to_numpy()).sum() <= 1
+
+
+@pytest.mark.parametrize("share", [5, 20])
+def test_the_stored_weights_of_few_labels_are_of_the_study_and_near_its_rows(stored, share):
+    """They were trained after the rows; training has other roundings since."""
+    table, samples = stored[0], load_samples("recording")
+    job = supervision.Job("ptae", "samples", "balanced", share, 0)
+    asked = supervision.experiment_of(samples, job)
+    trained = checkpoint.load(artefacts.stored(f"weights/{asked.file}"))
+    assert trained.about["experiment"] == asked.hash
+    rows = table.query("model == 'ptae' and data == 'recording' and variant == 'balanced'")
+    row = rows[(rows["share"] == share) & (rows["seed"] == 0)].iloc[0]
+    assert trained.about["labelled"] == row["labelled"]
+    scores = supervision.scores(trained, samples)
+    assert scores["describe_accuracy"] == pytest.approx(row["describe_accuracy"], abs=10)
+    assert scores["execute_nrmse"] == pytest.approx(row["execute_nrmse"], abs=1)

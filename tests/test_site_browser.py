@@ -1,6 +1,7 @@
 """The built site in Chromium, offline and from its folder: pages, scenes, panels, print, search."""
 
 import json
+import shutil
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -24,7 +25,7 @@ from pages import (
 )  # fmt: skip
 
 from ptae_lite.data.samples import load_samples
-from ptae_lite.widgets import scene3d
+from ptae_lite.widgets import scene3d, viewer
 
 pytestmark = pytest.mark.browser
 PAGES = page_names()
@@ -175,6 +176,25 @@ def test_a_saved_scene_is_a_page_of_its_own(browser, tmp_path):
         until(lambda: colours(pixels(page.locator("#pane"))) > 100)
         page.locator("#play").click()
         until(lambda: int(page.locator("#frame").input_value()) > 0)
+
+
+def test_a_scene_whose_script_is_missing_says_so(browser, tmp_path):
+    """Without a script of its own, which a careful server would forbid."""
+    page = scene3d.sample_scene(load_samples("recording"), 90).html(shared=True)
+    (tmp_path / "scene.html").write_text(page.replace(viewer.ROOT, ""), "utf-8")
+    context = browser.new_context(offline=True)
+    shown = context.new_page()
+    shown.goto((tmp_path / "scene.html").as_uri())
+    late = shown.locator("#late")  # hidden at first, since a script may come late
+    assert late.evaluate("one => getComputedStyle(one).animationDelay") == "5s"
+    late.wait_for()
+    assert shown.locator("#clock").inner_text() == "_static/scene.js is missing"
+    (tmp_path / "_static").mkdir()
+    shutil.copyfile(SITE / viewer.SHARED_SCRIPT, tmp_path / viewer.SHARED_SCRIPT)
+    shown.reload()
+    shown.locator("#clock").filter(has_text="frame 0").wait_for()
+    assert "missing" not in shown.locator("#clock").inner_text()
+    context.close()
 
 
 def test_the_camera_view_follows_the_frames(browser):

@@ -93,6 +93,15 @@ def supervised(built, model="ptae"):
     return sum(map(len, parts)), {int(i) for part in parts for i in part}
 
 
+def test_each_training_has_a_file_of_weights_of_its_own(samples):
+    asked = [supervision.experiment_of(samples, one) for one in supervision.grid()
+             if one.model != "linear"]  # fmt: skip
+    files = {one.hash: one.file for one in asked}
+    assert len(set(files.values())) == len(files) == len(asked)
+    few = supervision.experiment_of(samples, job(5))
+    assert files[few.hash] == "ptae_labelled_5_seed0.safetensors"
+
+
 @pytest.mark.parametrize("variant", ["paper", "balanced", "shuffled-scenes", "covering"])
 @pytest.mark.parametrize(
     ("model", "share"), [("ptae", 5), ("ptae", 50), ("ptae", 90), ("pgae", 25)]

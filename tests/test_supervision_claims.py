@@ -482,3 +482,19 @@ def test_sentences_are_stored_for_every_training(table):
     nets = table[table["model"] != "linear"]
     assert set(said[key].itertuples(index=False)) == set(nets[key].itertuples(index=False))
     assert (said.groupby(key).size() == 6).all()
+
+
+@pytest.mark.parametrize("data", ["recording", "authors"])
+def test_found_labels_help_the_linear_baseline(data):
+    """As the page on labels that spread says, on both data sets."""
+    table = pd.read_csv(artefacts.stored("results/supervision.csv"))
+    own = table[(table["model"] == "linear") & (table["data"] == data)]
+    means = own.groupby(["variant", "share"])["describe_accuracy"].mean()
+    found, plain = means["pseudo-labels"], means["random"]
+    assert (found > plain.drop(100)).all()
+    assert found[1] - plain[1] < 6  # "hardly gains"
+    assert found[10] - plain[10] > 15
+    paper = reported.BY_SHARE["ptae", "describe_accuracy", "samples"][10].value
+    assert found[10] > paper > plain[10]
+    assert (found[[20, 50, 66.6]] > plain[100] - 3).all()  # "about as good as with all of them"
+    assert (own[own["share"] < 100].groupby(["variant", "share"]).size() == 20).all()

@@ -80,32 +80,45 @@ def _group_means(samples, indices, known, aspects):
 def linear_describe(samples: Samples, labelled, indices) -> list[Meaning]:
     """What the linear baseline says of each clip, fitted on the `labelled` samples only.
 
-    Its inputs are the clip's length, the features of the first and the last frame, and the joints
-    at five moments. Ridge regressions find action, speed and side. The colour comes from a
-    regression on the labelled clips of the side that was found.
+    `linear_read` finds action, speed and side. The colour comes from a regression on the labelled
+    clips of the side that was found.
     """
-    seen, shown = _summary(samples), [patterns()[i] for i in samples.pattern]
-    classes = {name: words_of(name)[: len(words_of(name)) // 2] for name in Meaning._fields}
-
-    def read(name, values, known, asked):
-        if not len(asked):
-            return np.zeros(0, dtype=int)
-        labels = np.array([values.index(getattr(shown[i], name)) for i in known])
-        return probes.fit_classifier(seen[known], labels, BASELINE_PENALTY).labels(seen[asked])
-
     labelled, indices = np.asarray(labelled), np.asarray(indices)
-    action, speed = (read(name, classes[name], labelled, indices) for name in ("action", "speed"))
-    side, colour = read("side", SIDES, labelled, indices), np.zeros(len(indices), dtype=int)
-    for i, name in enumerate(SIDES):
-        known = np.array([j for j in labelled if shown[j].side == name], dtype=int)
-        asked = indices[side == i]
-        colour[side == i] = read(
-            "target_colour", classes["colour"], known if len(known) else labelled, asked
+    action, speed, side = (
+        linear_read(samples, labelled, indices, name) for name in ("action", "speed", "side")
+    )
+    colour = np.empty(len(indices), dtype=object)
+    for name in SIDES:
+        known = np.array(
+            [i for i in labelled if patterns()[samples.pattern[i]].side == name], dtype=int
         )
-    return [
-        Meaning(classes["action"][a], classes["colour"][c], classes["speed"][s])
-        for a, c, s in zip(action, colour, speed, strict=True)
-    ]
+        colour[side == name] = linear_read(
+            samples, known if len(known) else labelled, indices[side == name], "target_colour"
+        )
+    return [Meaning(a, c, s) for a, c, s in zip(action, colour, speed, strict=True)]
+
+
+def linear_read(samples: Samples, labelled, indices, name: str) -> np.ndarray:
+    """What ridge regressions find in clips: an aspect of their patterns, one name for each clip.
+
+    The inputs are the clip's length, the features of the first and the last frame, and the joints
+    at five moments.
+
+    Args:
+        labelled: the samples to fit on.
+        name: `action`, `speed`, `side` or `target_colour`.
+    """
+    values = SIDES if name == "side" else words_of(name.removeprefix("target_"))
+    if name != "side":
+        values = values[: len(values) // 2]  # without synonyms
+    if not len(indices):
+        return np.zeros(0, dtype=object)
+    seen = _summary(samples)
+    labels = np.array(
+        [values.index(getattr(patterns()[samples.pattern[i]], name)) for i in labelled]
+    )
+    found = probes.fit_classifier(seen[labelled], labels, BASELINE_PENALTY).labels(seen[indices])
+    return np.array(values, dtype=object)[found]
 
 
 def linear_describe_accuracy(samples: Samples, labelled, split: str = "test") -> float:

@@ -28,13 +28,17 @@ class Muon(torch.optim.Optimizer):
     third of the time for our small matrices, and the gates of a recurrent layer do not mix.
 
     Args:
-        params: matrices, or groups of them with `lr` of their own.
+        params: matrices, or groups of them with `lr` and `weight_decay` of their own.
         momentum: the momentum coefficient (with Nesterov's correction).
+        weight_decay: before an update a matrix shrinks by the factor 1 - lr * weight_decay, as
+            with AdamW.
         rows: the largest number of rows of a block.
     """
 
-    def __init__(self, params, lr: float = 1e-3, momentum: float = 0.95, rows: int = 64):
-        super().__init__(params, {"lr": lr, "momentum": momentum, "rows": rows})
+    def __init__(self, params, lr: float = 1e-3, momentum: float = 0.95,
+                 weight_decay: float = 0.0, rows: int = 64):  # fmt: skip
+        settings = {"lr": lr, "momentum": momentum, "weight_decay": weight_decay, "rows": rows}
+        super().__init__(params, settings)
 
     @torch.no_grad()
     def step(self, closure=None) -> None:
@@ -42,6 +46,8 @@ class Muon(torch.optim.Optimizer):
         stacks = defaultdict(list)  # by the shape of a block: matrix, rate, update in blocks
         for group in self.param_groups:
             for matrix in group["params"]:
+                if group["weight_decay"]:
+                    matrix.mul_(1 - group["lr"] * group["weight_decay"])
                 state = self.state[matrix]
                 if not state:
                     state["momentum"] = torch.zeros_like(matrix)
@@ -110,7 +116,10 @@ class Optimiser:
         self.parts = [torch.optim.Adam(rest, fused=True)]
         if hidden:
             matrices = [p for p in self.parameters if id(p) in hidden]
-            self.parts.append(Muon(groups(recipe.muon_lr, matrices)))
+            parts = groups(recipe.muon_lr, matrices)
+            for part in parts:  # a group has matrices of the action decoder only, or none of them
+                part["weight_decay"] = 0.0 if id(part["params"][0]) in own else recipe.muon_decay
+            self.parts.append(Muon(parts))
         self.schedules = [schedule(part, recipe, steps) for part in self.parts]
         self.clip = recipe.clip
 

@@ -23,6 +23,9 @@ class Recipe:
     # all, either the words for new scenes get worse, or the joints have not yet converged.
     action_lr_scale: float = 3.0
     muon_lr: float = 0.0  # ours, the peak for hidden matrices, see `optimisers`; 0: Adam for all
+    # ours; weight decay of Muon's matrices outside the action decoder, as AdamW has it. It keeps a
+    # model from learning by heart which sentence belongs to which clip.
+    muon_decay: float = 0.0
     warmup: float = 0.0  # ours; share of the updates in which rates rise; 0: one cycle of Adam
     clip: float = 1.0  # ours, of the gradient's norm; paper none
     language_weight: float = 1.0  # paper
@@ -46,10 +49,11 @@ class Recipe:
             raise ConfigError("a recipe needs at least one epoch and batches of at least two")
         if not 0 < self.supervised < 1:
             raise ConfigError(f"supervised is {self.supervised}; it is a share between 0 and 1")
-        if not 0 <= self.warmup < 1 or self.muon_lr < 0:
+        if not 0 <= self.warmup < 1 or min(self.muon_lr, self.muon_decay) < 0:
             raise ConfigError(
-                f"warmup is {self.warmup} and muon_lr {self.muon_lr}; warmup is a share from 0 to "
-                "below 1, and a learning rate is not below 0"
+                f"warmup is {self.warmup}, muon_lr {self.muon_lr} and muon_decay "
+                f"{self.muon_decay}; warmup is a share from 0 to below 1, and a learning rate and "
+                "a decay are not below 0"
             )
         if not 0 <= self.p_congruent_input <= 1:
             raise ConfigError(

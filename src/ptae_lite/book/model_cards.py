@@ -65,6 +65,15 @@ def _of_policy(about: dict) -> pd.DataFrame:
     return _stored(found.assign(success=found["seed"].map(acted)), about)
 
 
+def _of_labelled(share: float) -> Callable[[dict], pd.DataFrame]:
+    def rows(about: dict) -> pd.DataFrame:
+        found = _table("supervision").query("data == 'recording' and model == 'ptae'")
+        found = found[(found["variant"] == "balanced") & (found["share"] == share)]
+        return found.assign(stored=False)  # the table has other trainings with these labels
+
+    return rows
+
+
 def _of_watching(about: dict) -> pd.DataFrame:
     found = _table("watching_models").query("model == 'watching' and split == 'test'")
     tries = _table("watching").query("model == 'watching' and split == 'test'")
@@ -80,15 +89,17 @@ def _stored(rows: pd.DataFrame, about: dict) -> pd.DataFrame:
     return rows.assign(stored=same)
 
 
+CLIP = "a sentence, and a clip as joint angles and image features"
+MOTION = "a sentence, and joint angles frame by frame"
 CODE = "30 numbers (10 for each colour channel)"
 KINDS = {
     "cae": Kind("Image encoder, channel-separated", "a camera image", CODE,
                 _of_encoder("separated 3x10")),
     "plain_cae": Kind("Image encoder, plain", "a camera image", "10 numbers",
                       _of_encoder("plain 10")),
-    "ptae": Kind("PTAE, the paired transformed autoencoder", "a sentence, and a clip as joint "
-                 "angles and image features", "a sentence, and joint angles frame by frame",
-                 _of_model),
+    "ptae": Kind("PTAE, the paired transformed autoencoder", CLIP, MOTION, _of_model),
+    **{f"ptae_labelled_{share}": Kind(f"PTAE with {share} % of the labels", CLIP, MOTION,
+                                      _of_labelled(share)) for share in (5, 20)},
     "one_look_policy": Kind("PTAE as a policy that looks once", "a sentence, and the first camera "
                             "image", "joint angles frame by frame", _of_policy),
     "watching": Kind("Policy that watches, on a PTAE", "a sentence, and a camera image and the "

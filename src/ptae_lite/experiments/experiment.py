@@ -20,6 +20,7 @@ from typing import Any
 from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments.labels import Labels, chosen
+from ptae_lite.experiments.pseudo_labels import pseudo_labelled
 from ptae_lite.models import MODELS, checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.training import train
@@ -115,13 +116,16 @@ class Experiment:
         def look(epoch: int, trained: Trained) -> dict | None:
             return None if watch is None else watch(trained, samples, epoch)
 
-        own = chosen(samples, self.split, self.labels, self.seed)
+        own, seen, true = chosen(samples, self.split, self.labels, self.seed), samples, None
+        if self.labels.chosen == "pseudo":  # true labels are few, but every sample has a label
+            seen, own, true = pseudo_labelled(samples, self.split, own), None, len(own)
         trained = train(
-            samples, self.recipe, model=self.model, config=self.config, split=self.split,
+            seen, self.recipe, model=self.model, config=self.config, split=self.split,
             labelled=own, limited=self.labels.chosen == "few updates", videos=made,
             unfinished=unfinished, on_epoch=look, **options,
         )  # fmt: skip
         trained.about["experiment"] = self.hash
+        trained.about["labelled"] = true or trained.about["labelled"]
         return trained
 
 

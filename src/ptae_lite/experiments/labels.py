@@ -13,7 +13,7 @@ from ptae_lite.errors import ConfigError
 from ptae_lite.language import Meaning, patterns, words_of
 from ptae_lite.training import label
 
-LABELS = ("all", "random", "covering", "few updates")
+LABELS = ("all", "random", "covering", "pseudo", "few updates")
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,9 @@ class Labels:
 
     Attributes:
         chosen: `all`; `random`, that is `percent` of the samples, drawn at random; `covering`, the
-            same but drawn so that they have every word (`labels.cover`); or `few updates`: all
-            samples have a label, but few updates use one (the recipe says how many).
+            same but drawn so that they have every word (`labels.cover`); `pseudo`: as `random`, and
+            the others have a label that was found (`pseudo_labels`); or `few updates`: all samples
+            have a label, but few updates use one (the recipe says how many).
         percent: share of the samples, above 0 to 100.
 
     Raises:
@@ -39,8 +40,8 @@ class Labels:
 
 
 def chosen(samples: Samples, split: str, labels: Labels, seed: int) -> Int[np.ndarray, " M"] | None:
-    """Numbers of the samples of a split that have a label; None if all have one."""
-    if labels.chosen == "random":
+    """Numbers of the samples of a split that have a true label; None if all have one."""
+    if labels.chosen in ("random", "pseudo"):
         return label(samples.split(split), labels.percent, seed)
     if labels.chosen == "covering":
         return cover(samples, samples.split(split), labels.percent, seed)

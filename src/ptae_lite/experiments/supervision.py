@@ -30,6 +30,7 @@ from ptae_lite.evaluation import correct, evaluate, respond, sentences, word_acc
 from ptae_lite.experiments import options, runner
 from ptae_lite.experiments.experiment import Experiment, Labels, experiment
 from ptae_lite.experiments.labels import chosen, linear_scores
+from ptae_lite.experiments.pseudo_labels import pseudo_labelled
 from ptae_lite.experiments.runner import Study
 from ptae_lite.language import patterns, sentence
 from ptae_lite.models import MODELS
@@ -69,8 +70,10 @@ VARIANTS = {
         {"shuffle_scenes": True}
     ),  # balanced, and a sentence to repeat comes with the scene of another sample
     "covering": Variant(),  # balanced, too; the labelled samples name every word
+    "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
+DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
 
 class Job(NamedTuple):
@@ -106,7 +109,7 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     """
     found = [
         Job("linear", "samples", variant, share, seed)
-        for variant in ("random", "covering") for share in SHARES["samples"][:-1]
+        for variant in ("random", "covering", "pseudo-labels") for share in SHARES["samples"][:-1]
         for seed in range(DRAWS)
     ]  # fmt: skip
     found += [Job("linear", "samples", "random", 100, 0)]  # all labels can be drawn in one way only
@@ -127,6 +130,8 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
             more(model, "samples", "covering", seed, 1, 2, 5)
             more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
             more(model, "samples", "paper", seed, *SHARES["samples"])
+    for seed in () if core else seeds:
+        more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
     return list(dict.fromkeys(map(_once, found)))
 
 
@@ -189,7 +194,17 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
             labels, own["supervised"] = Labels("few updates"), job.share / 100
         else:
             labels = labels_of(job)
-    return experiment(samples, job.model, {}, own, job.seed, split=split, labels=labels)
+    return experiment(samples, job.model, {}, own, job.seed, split=split, labels=labels,
+                      name=_weights_of(job))  # fmt: skip
+
+
+def _weights_of(job: Job) -> str:
+    """The name of a job's file of weights, such as `ptae, labelled 5`."""
+    if job.regular:
+        return job.model
+    if (job.mode, job.variant) == ("samples", "balanced"):
+        return f"{job.model}, labelled {job.share:g}"
+    return f"{job.model}, {job.mode} {job.variant} {job.share:g}"
 
 
 def score(trained: Trained | None, samples: Samples, job: Job, split: str = "train") -> dict:
@@ -203,12 +218,16 @@ def score(trained: Trained | None, samples: Samples, job: Job, split: str = "tra
     versions = f"torch {version('torch')}, numpy {version('numpy')}"
     if trained is None:
         own = labelled(samples, job, split)
-        row |= {"labelled": len(own)} | linear_scores(samples, own, scored)
+        row |= {"labelled": len(own)}
+        if job.variant == "pseudo-labels":
+            samples, own = pseudo_labelled(samples, split, own), samples.split(split)
+        row |= linear_scores(samples, own, scored)
         row |= {"seconds": round(time.process_time() - begun, 1), "versions": versions}
         return {FILE: pd.DataFrame([row])}
     about = trained.about
     row |= {"labelled": about["labelled"]} | scores(trained, samples, scored)
-    row |= {name: about[name] for name in ("supervised_samples_seen", "steps", "seconds")}
+    row |= {name: about[name] for name in ("supervised_samples_seen", "steps")}
+    row |= {"seconds": about.get("seconds")}  # weights that `train` wrote do not say them
     row |= {"versions": versions}
     rows, said = pd.DataFrame([row]), examples(trained, samples).assign(**{k: row[k] for k in KEY})
     named = [{"mode": name.mode, "share": float(name.share)} for name in _names(job)]
@@ -223,7 +242,7 @@ def labelled(samples: Samples, job: Job, split: str = "train") -> np.ndarray:
 
 def labels_of(job: Job) -> Labels:
     """How the labelled samples of a job are chosen."""
-    return Labels("covering" if job.variant == "covering" else "random", job.share)
+    return Labels(DRAWN.get(job.variant, "random"), job.share)
 
 
 def fit(samples: Samples, job: Job, recipe: Recipe | None = None, split: str = "train",
@@ -252,15 +271,16 @@ def examples(trained: Trained, samples: Samples) -> pd.DataFrame:
 
 
 def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recipe | None = None,
-          **where) -> pd.DataFrame:  # fmt: skip
+          weights=None, **where) -> pd.DataFrame:  # fmt: skip
     """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
         recipe: for all trainings; None for each model's own.
+        weights: a folder of trained models.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]
     made = Study(FILE, KEY, partial(_experiment, recipe), _score, companions={SENTENCES: KEY})
-    return runner.run(made, samples, rows, folder, **where)
+    return runner.run(made, samples, rows, folder, weights, **where)
 
 
 def named(samples: Samples, job: Job) -> tuple:
@@ -280,6 +300,7 @@ def add_options(parser: ArgumentParser) -> None:
     """Add the options of the study."""
     data_options(parser)
     options.trainings(parser, SEEDS)
+    options.weights(parser)
     parser.add_argument("--models", nargs="+", metavar="NAME", help="which models")
     parser.add_argument("--modes", nargs="+", metavar="NAME", help="samples, iterations")
     parser.add_argument("--variants", nargs="+", metavar="NAME", help="which variants")
@@ -294,5 +315,5 @@ def command(given) -> dict:
     samples = options.samples(given)
     jobs = select(grid(given.seeds, given.core), model=given.models, mode=given.modes,
                   variant=given.variants, share=given.shares)  # fmt: skip
-    table = study(samples, given.out, jobs, **options.where(given))
+    table = study(samples, given.out, jobs, weights=given.weights, **options.where(given))
     return options.result(given, FILE, table, samples)

@@ -17,6 +17,8 @@ from torch.export import Dim
 from ptae_lite.live.networks import Part
 
 LEVELS = 2**15 - 1
+SAME = ("Unsqueeze", "Reshape", "Slice", "ReduceMax")  # of truth values they make truth values
+OPSET = 21  # the first in which whole numbers of 16 bits are weights
 
 
 def graph(part: Part, short: bool = True) -> bytes:
@@ -31,11 +33,12 @@ def graph(part: Part, short: bool = True) -> bytes:
         logging.getLogger("torch.onnx").setLevel(logging.ERROR)
         program = torch.onnx.export(
             network, tuple(part.inputs.values()), dynamo=True, verbose=False,
-            input_names=list(part.inputs), output_names=list(part.outputs),
+            input_names=list(part.inputs), output_names=list(part.outputs), opset_version=OPSET,
             dynamic_shapes=_lengths(part),
         )  # fmt: skip
     model = program.model_proto
     _forget_origin(model)
+    _without_casts(model.graph)
     if short:
         _shorten(model.graph)
     return model.SerializeToString(deterministic=True)
@@ -60,8 +63,39 @@ def _forget_origin(model: onnx.ModelProto) -> None:
     model.doc_string = model.graph.doc_string = ""
 
 
+def _without_casts(made: onnx.GraphProto) -> None:
+    """Let `Where` make numbers of truth values, and `Greater` make truth of them, not `Cast`.
+
+    The runtime's `Cast` is one function for all pairs of types, half a megabyte of code. When it
+    has run a few times, a browser takes seconds and 100 MB to make it fast.
+    """
+    truth = {one.name: one.name for one in made.input
+             if one.type.tensor_type.elem_type == TensorProto.BOOL}  # fmt: skip
+    kinds = {}  # of numbers that are 0 or 1
+
+    def constant(name: str, value) -> str:
+        made.initializer.append(numpy_helper.from_array(np.array(value), name))
+        return name
+
+    for node in made.node:
+        first, out = next(iter(node.input), ""), node.output[0]
+        to = node.attribute[0].i if node.op_type == "Cast" else None
+        if to == TensorProto.BOOL and first in kinds:
+            zero = constant(f"{out}.zero", kinds[first].type(0))
+            node.CopyFrom(helper.make_node("Greater", [first, zero], [out]))
+            truth[out] = out
+        elif to is not None and first in truth:
+            kinds[out], truth[out] = helper.tensor_dtype_to_np_dtype(to), truth[first]
+            both = [constant(f"{out}.{value}", kinds[out].type(value)) for value in (1, 0)]
+            node.CopyFrom(helper.make_node("Where", [truth[first], *both], [out]))
+        elif node.op_type == "Equal" or node.op_type in SAME and first in truth.keys() - kinds:
+            truth[out] = out
+        elif node.op_type in SAME and first in kinds:
+            kinds[out] = kinds[first]
+
+
 def _shorten(made: onnx.GraphProto) -> None:
-    """Store every matrix as whole numbers of 16 bits, a scale for each row, and let two nodes turn
+    """Store every matrix as whole numbers of 16 bits, a scale for each row, and let a node turn
     them back. A row's largest weight is 32,767 levels, so errors are a tenth of float16's.
     """
     nodes, scales = [], []
@@ -73,11 +107,9 @@ def _shorten(made: onnx.GraphProto) -> None:
         scale = np.where(top > 0, top, 1).astype(np.float32) / LEVELS
         levels = np.rint(matrix / scale).astype(np.int16)
         tensor.CopyFrom(numpy_helper.from_array(levels, f"{name}.levels"))
-        scales.append(numpy_helper.from_array(scale, f"{name}.scale"))
-        nodes += [
-            helper.make_node("Cast", [f"{name}.levels"], [f"{name}.whole"], to=TensorProto.FLOAT),
-            helper.make_node("Mul", [f"{name}.whole", f"{name}.scale"], [name]),
-        ]
+        scales.append(numpy_helper.from_array(scale.ravel(), f"{name}.scale"))
+        inputs = [f"{name}.levels", f"{name}.scale"]
+        nodes.append(helper.make_node("DequantizeLinear", inputs, [name], axis=0))
     made.initializer.extend(scales)
     rest = list(made.node)
     del made.node[:]

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool, Int, UInt8
+from jaxtyping import Bool, Float, Int, UInt8
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -17,6 +17,9 @@ COLOURS = (style.RED, style.BLUE, style.GREY, style.SKY)  # of what is not a mod
 MARKS = ("o", "s", "D", "v")
 DASHES = ("-", "--", "-.", ":")
 SHARES = (1, 2, 5, 10, 20, 50, 100)  # ticks of an axis of shares
+
+
+LONGEST_NAME = 20  # letters that fit at the left end of a curve
 
 
 def strips(
@@ -90,12 +93,33 @@ def tiles(
     return style.closed(figure)
 
 
+def edges(graph: Float[np.ndarray, "M M"], blocks: Sequence[str], sizes: Sequence[int]) -> Figure:
+    """The edges of a graph whose nodes are sorted by blocks: a dot where two nodes are joined.
+
+    Args:
+        blocks: names, in order.
+        sizes: nodes of each block.
+    """
+    figure, axes = plt.subplots(figsize=(style.WIDTH, 4.0))
+    row, column = np.nonzero(graph)
+    axes.plot(column, row, ".", ms=1.4, mew=0, color=style.BLUE, rasterized=True)
+    ends = np.cumsum(sizes)
+    axes.set(xlim=(0, len(graph)), ylim=(len(graph), 0), aspect="equal", xticks=[])
+    axes.set_yticks(ends - np.asarray(sizes) / 2, blocks)
+    axes.tick_params(length=0)
+    for end in ends[:-1]:
+        axes.axhline(end, color="#E4E4E4", lw=0.6)
+        axes.axvline(end, color="#E4E4E4", lw=0.6)
+    axes.grid(visible=False)
+    return style.closed(figure)
+
+
 def by_share(
     panels: Mapping[str, Mapping[str, pd.Series]], x_label: str, *,
     levels: Mapping[str, float] | None = None, top: Mapping[str, float] | None = None,
 ) -> Figure:  # fmt: skip
-    """Curves over the share of labels (logarithmic), each with its name at its left end (of more
-    than three, in a legend).
+    """Curves over the share of labels (logarithmic), each with its name at its left end; or in a
+    legend, if there are more than three or a name is long.
 
     Args:
         panels: label of the vertical axis to named curves: values by share in percent.
@@ -109,12 +133,13 @@ def by_share(
             look = {"color": style.of_model(name, COLOURS[k]), "marker": MARKS[k], "ms": 4.5}
             axes.plot(curve.index, curve, DASHES[k], **look)
         high = (top or {}).get(label, 105)
-        in_legend = len(curves) > 3  # too many for the left end
+        in_legend = len(curves) > 3 or max(map(len, curves)) > LONGEST_NAME
         axes.set(ylabel=label, xscale="log", ylim=(0, high), xlim=(0.8 if in_legend else 0.17, 120))
         axes.set_xticks(SHARES, SHARES)
         axes.minorticks_off()
         if in_legend:
-            axes.legend(axes.lines, list(curves), loc="upper left")
+            where = "upper left" if len(curves) > 3 else "lower right"
+            axes.legend(axes.lines, list(curves), loc=where)
             continue
         for y, (k, name) in _apart(curves, 0.075 * high).items():
             first = next(iter(curves[name].index))

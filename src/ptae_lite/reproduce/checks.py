@@ -252,17 +252,27 @@ def _probe(name: str, remade: Path, stored: Path) -> Comparison:
     return near({"% read right": ([scores[0]], [scores[1]])}, {"% read right": (5, 0)})
 
 
-def _scores(name: str, remade: Path, stored: Path) -> Comparison:
-    """A model's scores, each on the features of its own folder."""
-    made, was = (
-        evaluate(checkpoint.load(folder / name), load_stored(folder)) for folder in (remade, stored)
-    )
-    rooms = {score: (5, 0) if score.endswith("accuracy") else (0.5, 0) for score in was}
-    return near({score: ([made[score]], [was[score]]) for score in was}, rooms)
+def scores(accuracy: float, nrmse: float) -> Check:
+    """A model's scores, each on the features of its own folder.
+
+    Args:
+        accuracy: points by which an accuracy may differ.
+        nrmse: points by which an NRMSE may differ.
+    """
+
+    def compare(name: str, remade: Path, stored: Path) -> Comparison:
+        made, was = (
+            evaluate(checkpoint.load(folder / name), load_stored(folder))
+            for folder in (remade, stored)
+        )
+        rooms = {score: (accuracy if score.endswith("accuracy") else nrmse, 0) for score in was}
+        return near({score: ([made[score]], [was[score]]) for score in was}, rooms)
+
+    return Check(f"accuracies ± {accuracy:g} points, NRMSE ± {nrmse:g} points", compare)
 
 
 STRIPS = Check(
     "90% of its pictures of the same light, ± 10 levels; the episodes are others", _strips
 )
 PROBED = Check("the linear baseline reads as many clips right, ± 5 points", _probe)
-SCORES = Check("accuracies ± 5 points, NRMSE ± 0.5 points", _scores)
+SCORES = scores(5, 0.5)

@@ -30,6 +30,7 @@ from ptae_lite.reproduce.checks import (
     episodes,
     pictures,
     reconstruction,
+    scores,
     table,
     texts,
 )
@@ -118,11 +119,12 @@ STAGES = (
           "ptae_lite study incongruence --workers 2 --weights {out}/weights --seeds {seeds} "
           "--out {out}/results + "
           "ptae_lite study supervision --core --models linear ptae --workers 2 "
-          "--seeds {seeds} --out {out}/results", {
+          "--weights {out}/weights --seeds {seeds} --out {out}/results", {
         "results/incongruence.csv": table(incongruence_table.KEY, SCORED, 0.8),
         "results/supervision.csv": table(supervision.KEY, SCORED, 0.9),
-        "results/supervision_sentences.csv": table([*supervision.KEY, "sample"], ANSWERS, 0.7)},
-        1, 37),
+        "results/supervision_sentences.csv": table([*supervision.KEY, "sample"], ANSWERS, 0.7),
+        "weights/ptae_labelled_5_seed0.safetensors": scores(10, 1.5),  # 33 labels say little
+        "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 37),
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(

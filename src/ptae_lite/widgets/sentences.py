@@ -32,4 +32,4 @@ def table(said: pd.DataFrame, shares: Sequence[float]) -> Styler:
 
 def _shown(truth: str, said) -> str:
     words = ((FIRST_WORD.get(word, word), right) for word, right in marked(truth, said))
-    return " ".join(word if right else f"≠ {word}" for word, right in words)
+    return " ".join(word if right else f"≠\N{NO-BREAK SPACE}{word}" for word, right in words)

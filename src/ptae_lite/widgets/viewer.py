@@ -149,7 +149,8 @@ def template(library: str, player: str) -> str:
         library: meshcat's viewer, packed, where the player does not bring it.
         player: the element with the script that plays the scene.
     """
-    return _read("viewer.html").replace("@VIEWER@", library).replace("@PLAYER@", player)
+    page = _read("viewer.html").replace("@FILE@", SHARED_SCRIPT)
+    return page.replace("@VIEWER@", library).replace("@PLAYER@", player)
 
 
 def _steps(poses: Float[np.ndarray, "T M 4 4"]) -> np.ndarray:

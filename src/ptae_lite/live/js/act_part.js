@@ -3,18 +3,18 @@
 "use strict";
 {
   const {element, choice, latest} = PtaeLive.form;
+  const REST_MS = 3000; // a browser takes back meanwhile what the loading took
 
   PtaeLive.parts.act = (room, show) => build(room, show, ["policy"]);
   PtaeLive.parts.policies = (room, show) => build(room, show, Object.keys(PtaeLive.policies));
 
   async function build(room, show, names) {
     const later = "ptae"; // which describes
-    let watcher;
-    await PtaeLive.load(PtaeLive.needs.act.filter(name => name !== later), show);
-    const [book] = await PtaeLive.load(["book"]);
+    const loading = PtaeLive.load(PtaeLive.needs.act.filter(name => name !== later), show);
+    // each is opened as soon as its pack has come, so that no pack is kept for long
+    const [robot, first, autoencoder, [book]] = await Promise.all([PtaeLive.Robot.open(),
+      PtaeLive.PTAE.open("policy"), PtaeLive.Autoencoder.open(), PtaeLive.load(["book"]), loading]);
     const language = new PtaeLive.Language(book.about), clips = PtaeLive.clips(book);
-    const [robot, first, autoencoder] = await Promise.all([PtaeLive.Robot.open(),
-      PtaeLive.PTAE.open("policy"), PtaeLive.Autoencoder.open()]);
 
     const scenes = scenesOf(robot, clips), at = Object.keys(scenes)[0];
     const all = sentences(language), list = element("datalist", {id: `ptae-sentences-${document.querySelectorAll("datalist").length}`},
@@ -102,7 +102,7 @@
       }
     });
     const describe = async (episode, colours) => {
-      const ptae = await watcher, clip = ptae.scaling.clip(await robot.clip(episode, colours, autoencoder));
+      const ptae = await PtaeLive.PTAE.open(later), clip = ptae.scaling.clip(await robot.clip(episode, colours, autoencoder));
       const {told} = await ptae.answer(PtaeLive.batch(language, "describe", clip, null), {motion: false});
       const words = language.decode(PtaeLive.best(told));
       said.dataset.described = words;
@@ -117,9 +117,8 @@
     reset();
     explain();
     // what comes next is made ready while the reader types; if that fails, the answer says so
-    watcher = PtaeLive.PTAE.open(later);
-    watcher.catch(() => {});
-    [...Object.values(first.networks), autoencoder.networks.encode].forEach(one => one.open().catch(() => {}));
+    Object.values(first.networks).forEach(one => one.open().catch(() => {}));
+    setTimeout(() => PtaeLive.PTAE.open(later).catch(() => {}), REST_MS);
   };
 
   // Sliders that put the cubes anywhere on the table.

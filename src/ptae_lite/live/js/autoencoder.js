@@ -4,14 +4,17 @@ PtaeLive.Autoencoder = class {
   static PIXELS = 120 * 160;
   static async open() {
     const [pack] = await PtaeLive.load(["autoencoder"]);
-    return new PtaeLive.Autoencoder(PtaeLive.networks(pack));
+    const networks = PtaeLive.networks(pack);
+    await networks.encode.open(); // starts the runtime, while other packs are unpacked
+    return new PtaeLive.Autoencoder(networks);
   }
   constructor(networks) {
     this.networks = networks;
+    this.image = new Float32Array(3 * PtaeLive.Autoencoder.PIXELS); // of every look: the runtime copies it
   }
-  // An ImageData of 160 x 120 to thirty numbers.
+  // An ImageData of 160 x 120, or an object with its data, to thirty numbers. One after another.
   async encode({data}) {
-    const n = PtaeLive.Autoencoder.PIXELS, image = new Float32Array(3 * n);
+    const n = PtaeLive.Autoencoder.PIXELS, {image} = this;
     for (let c = 0; c < 3; c++)
       for (let i = 0; i < n; i++) image[c * n + i] = data[4 * i + c] / 255;
     const {features} = await this.networks.encode.run({image: [image, 1, 3, 120, 160]});

@@ -10,8 +10,8 @@ window.PtaeLive = {
     vision: ["ort", "book", "scene", "autoencoder"],
     transformer: ["ort", "book", "ptae", "autoencoder"],
     conflict: ["ort", "book", "scene", "ptae"],
-    act: ["ort", "book", "mujoco", "scene", "autoencoder", "policy", "ptae"],
-    policies: ["ort", "book", "mujoco", "scene", "autoencoder", "policy", "ptae"],
+    act: ["ort", "autoencoder", "mujoco", "scene", "book", "policy", "ptae"],
+    policies: ["ort", "autoencoder", "mujoco", "scene", "book", "policy", "ptae"],
     labels: ["ort", "book"], // and the models of `labelled`, from packs.js
   },
   scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "autoencoder", "form",

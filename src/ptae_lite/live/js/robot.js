@@ -4,8 +4,10 @@ PtaeLive.Robot = class {
   static async open(show) {
     const [engine, scene] = await PtaeLive.load(["mujoco", "scene"], show);
     this.mujoco ??= PtaeLive.loadMuJoCo(engine.parts.module, engine.parts.wasm);
-    engine.parts = {}; // started once, for all robots of a page
-    return new PtaeLive.Robot(await this.mujoco, scene);
+    const mujoco = await this.mujoco;
+    PtaeLive.free(engine.parts.wasm); // started once, for all robots of a page
+    engine.parts = {};
+    return new PtaeLive.Robot(mujoco, scene);
   }
   constructor(mujoco, {parts, about}) {
     this.about = about;
@@ -32,9 +34,14 @@ PtaeLive.Robot = class {
     return new ImageData(this.camera.image(joints_rad, cubes, colours).slice(), width, height);
   }
 
+  // What the eye sees, as its code.
+  see(joints_rad, cubes, colours, autoencoder) {
+    return autoencoder.encode({data: this.camera.image(joints_rad, cubes, colours)});
+  }
+
   // Acts a sentence; of tokens null, none. setting: colours, places_m, yaws_rad, perhaps shift.
   act(policy, language, tokens, setting, autoencoder) {
-    const look = (joints_rad, cubes) => autoencoder.encode(this.look(joints_rad, cubes, setting.colours));
+    const look = (joints_rad, cubes) => this.see(joints_rad, cubes, setting.colours, autoencoder);
     return PtaeLive.perform(this.world, setting, PtaeLive.policy(policy, language, tokens, look));
   }
 
@@ -45,7 +52,7 @@ PtaeLive.Robot = class {
     const frames = seen >= this.about.rule.slow_from ? PtaeLive.FRAMES : Math.max(seen, PtaeLive.FRAMES / 2);
     const features = new Float32Array(30 * frames), joints = new Float32Array(5 * frames);
     for (let t = 0; t < frames; t++) {
-      if (t < seen) features.set(await autoencoder.encode(this.look(episode.joints_rad[t], episode.cubes[t], colours)), 30 * t);
+      if (t < seen) features.set(await this.see(episode.joints_rad[t], episode.cubes[t], colours, autoencoder), 30 * t);
       else features.copyWithin(30 * t, 30 * last, 30 * seen);
       joints.set(episode.joints_rad[Math.min(t, last)], 5 * t);
     }

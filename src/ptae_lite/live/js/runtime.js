@@ -1,15 +1,17 @@
 // onnxruntime-web, started from a folder: its WebAssembly and its module come out of a pack.
 "use strict";
 {
-  let started;
+  // weights of 16 bits become single precision once, when a network is opened, and not in each run
+  const OPTIONS = {executionProviders: ["wasm"], extra: {session: {disable_quant_qdq: "1"}}};
+  let started, wasm;
   async function start() {
     await PtaeLive.script("ort");
     const [{parts}] = await PtaeLive.load(["ort"]);
     const {env} = window.ort;
     env.wasm.numThreads = 1; // more threads need headers that no folder sends
     env.wasm.proxy = false;
-    env.wasm.wasmBinary = parts.wasm.buffer;
-    delete parts.wasm; // the runtime starts once
+    ({wasm} = parts);
+    env.wasm.wasmBinary = wasm.buffer;
     const module = new Blob([parts.mjs], {type: "text/javascript"});
     env.wasm.wasmPaths = {mjs: URL.createObjectURL(module)};
   }
@@ -22,8 +24,9 @@
     }
     open() {
       return this.session ??= (started ??= start()).then(async () => {
-        const session = await window.ort.InferenceSession.create(this.bytes, {executionProviders: ["wasm"]});
-        this.bytes = window.ort.env.wasm.wasmBinary = null; // the runtime has its own
+        const session = await window.ort.InferenceSession.create(this.bytes, OPTIONS);
+        [this.bytes, wasm].forEach(PtaeLive.free); // the runtime has its own
+        wasm = null;
         return session;
       });
     }
