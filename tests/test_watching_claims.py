@@ -7,12 +7,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from ptae_lite import artefacts
+from ptae_lite import artefacts, vision
+from ptae_lite.data.samples import load_samples
 from ptae_lite.experiments import watching_shown
+from ptae_lite.experiments.tasks import tasks_of
+from ptae_lite.language import parse
+from ptae_lite.models import checkpoint
 from ptae_lite.plots.watching import correction
+from ptae_lite.robot.scene import Scene
+from ptae_lite.watching_actor import WatchingActor
 
 LITTLE = "the cube went too little that way"
-AMOUNTS = ["recorded_only", "eighth", "quarter", "half", "watching"]
 SEEDS = (0, 1, 2)
 
 
@@ -47,16 +52,30 @@ def drawn():
     return rows[(rows["split"] == "test") & (rows["condition"] == "moved")]
 
 
-def test_every_policy_acted_in_the_scenes_that_the_planners_chose(table, drawn):
+@pytest.fixture(scope="module")
+def held(whole):
+    """Controls and amounts: one training each, in held-out scenes with a moved cube."""
+    rows = whole[(whole["split"] == "held_out") & (whole["seed"] == 0)]
+    return rows[rows["condition"] == "moved"]
+
+
+@pytest.fixture(scope="module")
+def kept(held):
+    return 100 * held.groupby("model")["success"].mean()
+
+
+def test_every_policy_acted_in_the_scenes_that_the_planners_chose(table, drawn, held):
     valid = drawn[drawn["valid"] == 1]
     chosen = set(zip(valid["pattern"], valid["variation"], strict=True))
     of = table[table["condition"] == "moved"].groupby(["model", "seed"])
-    assert {key for key, _ in of if key[0] in AMOUNTS} == set(product(AMOUNTS, SEEDS))
+    both = product(("watching", "one_look_policy"), SEEDS)
+    assert {key for key, _ in of} == {*both, ("planner", 0), ("unaware", 0)}
     for _, rows in of:
         assert len(rows) == len(chosen)
         assert set(zip(rows["pattern"], rows["variation"], strict=True)) == chosen
-    tested = table[table["condition"] == "test"].groupby(["model", "seed"]).size()
-    assert (tested == 216).all()
+    tested = table[(table["condition"] == "test") & (table["model"] == "watching")]
+    assert (tested.groupby("seed").size() == 216).all()
+    assert held.groupby("model").size().nunique() == 1
 
 
 def test_hard_moves_were_chosen_by_the_planners_alone(drawn, middle):
@@ -72,13 +91,15 @@ def test_a_first_random_move_mostly_is_no_test(drawn):
     assert 0.5 < 1 - first.mean() < 0.9
 
 
-def test_the_levels_that_were_asked_for_are_reached_by_every_training(rates):
+def test_the_levels_that_the_chapter_names(rates):
     watching, blind = (rates.xs(name, level="model") for name in ("watching", "one_look_policy"))
-    asked = {"test": 95, "moved": 75, "pushed": 90, "displaced": 90, "new_family": 90}
+    asked = {"test": 95, "moved": 75, "pushed": 90, "displaced": 90}
     for condition, level in asked.items():
         assert watching[condition].min() >= level, condition
+    assert watching["moved"].min() == watching["pushed"].min() == 100
     assert (watching["moved"] >= blind["moved"] + 45).all()
-    assert (watching["test"] >= blind["test"] - 3).all()
+    assert (watching["test"] >= blind["test"]).all()
+    assert watching["new_family"].min() < watching.drop("new_family", level="condition").min()
 
 
 def test_the_swapped_speed_word_is_obeyed(table):
@@ -86,39 +107,55 @@ def test_the_swapped_speed_word_is_obeyed(table):
     assert ((rows["duration"] >= 75) == (rows["speed"] == "slowly")).mean() >= 0.98
 
 
-def test_the_one_look_policy_comes_down_where_the_cube_was_and_fails_mostly(moved, middle):
+def along(rows):
+    """The median part of the cube's way that the hand went along, for each model."""
+    return pd.Series(correction(rows), rows.index).groupby(rows["model"]).median()
+
+
+def test_the_hand_comes_down_where_the_cube_was_or_where_it_is(moved, middle):
     assert middle["one_look_policy"] < 50
-    share = correction(moved)
-    by_model = pd.Series(share, moved.index).groupby(moved["model"]).median()
-    assert abs(by_model["one_look_policy"]) < 0.15 and abs(by_model["frozen"]) < 0.15
-    assert 0.85 < by_model["watching"] < 1.15 and 0.85 < by_model["planner"] < 1.15
-    assert by_model["blind_on_clips"] < 0.3
-    assert by_model["blind_on_clips"] < by_model["recorded_only"] < by_model["watching"]
+    share = along(moved)
+    assert abs(share["one_look_policy"]) < 0.15
+    assert 0.85 < share["watching"] < 1.15 and 0.85 < share["planner"] < 1.15
 
 
-def test_more_than_half_of_the_way_comes_from_the_frame_of_the_cube(middle):
-    start, frame, whole = middle[["one_look_policy", "recorded_only", "watching"]]
-    assert start < frame < whole and (frame - start) > 0.5 * (whole - start)
-    assert whole - frame > 10
+def test_a_goal_measured_from_the_cube_begins_to_follow_and_corrected_clips_arrive(held, kept):
+    share = along(held)
+    assert abs(share["frozen"]) < 0.1 and abs(share["blind_on_clips"]) < 0.15
+    assert 0.15 < share["recorded_only"] < 0.4 < 0.7 < share["eighth"] < share["watching"]
+    assert share["watching"] > 0.85
+    assert 70 < kept["recorded_only"] < kept["eighth"] < kept["watching"]
+    far = held.groupby("model")["named_mm"].median()
+    assert 40 < far["recorded_only"] < far["watching"] - 10
+    assert far[["frozen", "blind_on_clips"]].max() < 40
 
 
-def test_success_rises_with_the_corrected_clips(rates, middle):
-    assert middle[AMOUNTS].iloc[0] < middle[AMOUNTS].iloc[1:].min()
-    assert middle["half"] <= middle["watching"] + 2 and middle["eighth"] < middle["watching"]
-    ahead = rates["moved", "watching"] - rates["moved", "recorded_only"]
-    assert (ahead > 0).all()
+def test_clips_alone_and_joints_alone_do_not_do_it(kept):
+    assert kept[["blind_on_clips", "frozen"]].max() < 20
 
 
-def test_clips_alone_and_joints_alone_do_not_do_it(middle):
-    assert middle["blind_on_clips"] < middle["recorded_only"]
-    assert middle["frozen"] < 0.3 * middle["watching"]
-    assert middle["watching"] > middle[["noise_only", "moves_only"]].max()
+def test_what_fails(table, moved):
+    blind = moved[(moved["model"] == "one_look_policy") & (moved["success"] == 0)]["reason"]
+    assert blind.value_counts(normalize=True)[LITTLE] > 0.5
+    failed = table[(table["model"] == "watching") & (table["success"] == 0)]
+    mostly = failed[failed["condition"] == "new_family"]["reason"].value_counts(normalize=True)
+    assert mostly["the other cube was moved"] > 0.9
+    assert set(failed["condition"]) <= {"new_family", "displaced", "late", "heavy", "dark"}
 
 
-def test_what_fails_is_mostly_a_cube_that_went_too_little(moved):
-    for model in ("watching", "one_look_policy", "frozen"):
-        failed = moved[(moved["model"] == model) & (moved["success"] == 0)]["reason"]
-        assert failed.value_counts(normalize=True)[LITTLE] > 0.5, model
+def test_in_new_families_the_side_is_misread_at_the_first_look(simulator, table):
+    samples = load_samples("recording")
+    encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
+    trained = checkpoint.load(artefacts.stored("weights/watching_seed0.safetensors"))
+    rows = table[(table["model"] == "watching") & (table["seed"] == 0)]
+    rows = rows[rows["condition"] == "new_family"]
+    for task, done in zip(tasks_of(samples, "new_family"), rows["success"], strict=True):
+        if not done:
+            with Scene(*task.stage) as world:
+                actor = WatchingActor(trained, encoder, task.instruction)
+                actor(world.image, world.joints_rad())
+            assert actor.task[0] != task.asked.side and actor.task[1:] == (
+                task.asked.action, task.asked.speed)  # fmt: skip
 
 
 def test_places_of_moved_cubes_are_read_but_not_linearly():
@@ -126,28 +163,29 @@ def test_places_of_moved_cubes_are_read_but_not_linearly():
     off = (places["error_mm"] ** 2).groupby([places["clips"], places["reader"]]).mean() ** 0.5
     assert off["moved", "network"] < 0.6 * off["moved", "linear"]
     assert off["moved", "linear"] < off["moved", "guess"]
-    assert off["moved", "network"] < 1.6 * off["recorded", "network"]
-    assert off["moved", "linear"] > 1.5 * off["recorded", "linear"]
+    assert off["moved", "linear"] > 3 * off["recorded", "linear"]
 
 
 def test_the_policy_describes_rightly_what_it_has_done(table):
     mine = table[(table["model"] == "watching") & (table["success"] == 1)]
     right = watching_shown.told_rightly(mine).groupby(mine["condition"]).mean()
-    assert right["test"] >= 0.98
-    assert right.drop("new_family").min() > 0.85
+    assert right["test"] >= 0.98 and 0.65 < right["moved"] < 0.85
+    assert right.idxmin() == "new_family"
+    wrong = mine[~watching_shown.told_rightly(mine) & (mine["condition"] == "moved")]
+    said = [(parse(one.described), parse(one.sentence)) for one in wrong.itertuples()]
+    assert all(a.speed == b.speed for a, b in said)
+    assert sum(a.action != b.action for a, b in said) > 0.6 * len(said)
     slow = mine[(mine["speed"] == "slowly") & (mine["condition"] == "test")]
     told = slow["described"].str.split().str[-1]
     assert told.isin(["slowly", "unhurriedly"]).mean() > 0.95
 
 
-def test_the_joint_error_is_the_same_for_policies_that_succeed_and_fail(rates):
+def test_the_joint_error_grows_with_what_helps(kept):
     models = pd.read_csv(artefacts.stored("results/watching_models.csv"))
-    models = models[models["split"] == "test"].set_index(["model", "seed"])["execute_nrmse"]
-    error = models.groupby("model").median()
-    watching = ["watching", "recorded_only", "noise_only", "moves_only"]
-    assert error[watching].max() < 1.5 * error[watching].min()
-    middle = rates["moved"].groupby("model").median()[watching]
-    assert middle.max() - middle.min() > 20
+    models = models[(models["split"] == "held_out") & (models["seed"] == 0)].set_index("model")
+    error = models["execute_nrmse"]
+    assert error["recorded_only"] < error["eighth"] < error["watching"] < error["blind_on_clips"]
+    assert kept["recorded_only"] < kept["eighth"] < kept["watching"]
 
 
 def test_the_stored_episodes_are_those_that_the_chapter_names():
