@@ -104,6 +104,10 @@ def amounts(rates: pd.DataFrame, clips: Mapping[str, str], controls: Mapping[str
         clips: the models from no corrected clips to all, with their labels.
         controls: the other models, with their labels.
     """
+    clips, controls = (
+        {model: label for model, label in named.items() if model in set(rates["model"])}
+        for named in (clips, controls)
+    )
     rows = len(clips) + len(controls)
     figure, axis = plt.subplots(figsize=(style.WIDTH, 0.32 * rows + 1.1))
     places = [*range(len(clips)), *(len(clips) + 0.6 + i for i in range(len(controls)))]
@@ -125,7 +129,7 @@ def amounts(rates: pd.DataFrame, clips: Mapping[str, str], controls: Mapping[str
 
 
 def distances(table: pd.DataFrame, models: Mapping[str, str]) -> Figure:
-    """How far the named cube went as commanded, in mm: a row a model, thick for half of its episodes.
+    """How far the named cube went as commanded, in mm: thick for half of the episodes.
 
     Args:
         table: a row an episode, with `model` and `named_mm`.
