@@ -99,7 +99,9 @@ def test_the_levels_that_the_chapter_names(rates):
     assert watching["moved"].min() == watching["pushed"].min() == 100
     assert (watching["moved"] >= blind["moved"] + 45).all()
     assert (watching["test"] >= blind["test"]).all()
-    assert watching["new_family"].min() < watching.drop("new_family", level="condition").min()
+    assert watching["new_family"].min() < min(watching[name].min() for name in asked)
+    assert 80 < watching["new_family"].min() < 90
+    assert watching["dark"].max() < 50 < watching[["late", "slippery", "heavy"]].min()
 
 
 def test_the_swapped_speed_word_is_obeyed(table):
@@ -170,7 +172,7 @@ def test_the_policy_describes_rightly_what_it_has_done(table):
     mine = table[(table["model"] == "watching") & (table["success"] == 1)]
     right = watching_shown.told_rightly(mine).groupby(mine["condition"]).mean()
     assert right["test"] >= 0.98 and 0.65 < right["moved"] < 0.85
-    assert right.idxmin() == "new_family"
+    assert right.drop("dark").idxmin() == "new_family"
     wrong = mine[~watching_shown.told_rightly(mine) & (mine["condition"] == "moved")]
     said = [(parse(one.described), parse(one.sentence)) for one in wrong.itertuples()]
     assert all(a.speed == b.speed for a, b in said)
