@@ -202,6 +202,13 @@ def test_in_new_families_the_side_is_misread_at_the_first_look(simulator, table)
             assert actor.task[1:] == (task.asked.action, task.asked.speed)
 
 
+def test_beyond_the_test_only_the_light_harms(table):
+    mine = table[table["model"] == "watching"].groupby(["condition", "seed"])["success"].mean()
+    assert mine["moved"].min() == mine["pushed"].min() == 1
+    assert mine[["late", "slippery", "heavy", "synonyms"]].min() > 0.9
+    assert mine["dark"].max() < 0.5
+
+
 def test_the_stored_episodes_are_those_that_the_chapter_names():
     acted = watching_shown.load()
     assert len(acted) == 48 and {one.model for one in acted} == set(watching_shown.ACTING)
