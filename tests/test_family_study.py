@@ -55,16 +55,18 @@ def test_what_is_there_is_not_trained_again(few, quick, tmp_path):
     assert len(quick) == 2 and (tmp_path / "family.csv").read_bytes() == before
 
 
-def test_the_long_trainings_are_made_only_when_they_are_named(few, trained, tmp_path, monkeypatch):
+def test_trainings_by_other_recipes_are_made_only_when_they_are_named(
+    few, trained, tmp_path, monkeypatch
+):
     def made(_, samples, data, variant, seed):
         return pd.DataFrame([{"data": data, "variant": variant, "seed": seed}])
 
     monkeypatch.setattr(Experiment, "fit", lambda *_: trained)
     monkeypatch.setattr(family, "STUDY", replace(family.STUDY, score=made))
     regular = set(family.study(few, tmp_path, seeds=(0,))["variant"])
-    long = ("PTAE, long", "PGAE, long")
-    assert set(family.VARIANTS) - regular == set(long)
-    named = family.study(few, tmp_path, long, (0,))
+    others = ("PTAE, long", "PGAE, long", "PTAE, Muon", "PGAE, Muon", "PVAE, Muon")
+    assert set(family.VARIANTS) - regular == set(others)
+    named = family.study(few, tmp_path, others, (0,))
     assert set(named["variant"]) == set(family.VARIANTS)
 
 

@@ -121,7 +121,7 @@ def test_shapes_and_gradients_reach_every_part():
     assert read.shape == kept.shape == (2, 7, 2) and wish.shape == (2, 7, 3)
     assert memory.place_m.shape == (2, 2)
     assert one_of_each(task).sum(1).tolist() == [len(KINDS)] * 2
-    code = model.listen(torch.zeros(2, 6, dtype=torch.long), torch.randn(2, 35))
+    code = model.code_of_task(torch.zeros(2, 6, dtype=torch.long), torch.randn(2, 35))
     words = model.tell(model.watch(torch.randn(2, 9, 35)), torch.tensor([9.0, 9.0]))
     scores = sum(part.square().mean() for part in model.task(code))
     (wish.square().mean() + words.square().mean() + scores).backward()

@@ -65,7 +65,7 @@ class WatchingActor:
         first = self.looks[0]
         if len(self.poses) == 1:
             self.numbers = model.task.decide(
-                model.listen(self.tokens, torch.cat([first, self.poses[0]], dim=1))
+                model.code_of_task(self.tokens, torch.cat([first, self.poses[0]], dim=1))
             )
         now = first if self.frozen else self.looks[-1]
         hand = kinematics.fingertip(_row(joints_rad))

@@ -164,7 +164,7 @@ def first_codes(model: Watcher, data: Prepared) -> Float[Tensor, "C 8 H"]:
     """Codes of the first look at each clip with each of its sentences."""
     signal = torch.full((len(data.task), 1), signal_index("execute"))
     queries = [torch.cat([signal, one], dim=1) for one in data.sentences.unbind(1)]
-    return torch.stack([model.listen(query, data.keys[:, 0]) for query in queries], dim=1)
+    return torch.stack([model.code_of_task(query, data.keys[:, 0]) for query in queries], dim=1)
 
 
 def fit_places(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:

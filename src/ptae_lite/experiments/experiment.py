@@ -125,7 +125,8 @@ class Experiment:
             unfinished=unfinished, on_epoch=look, **options,
         )  # fmt: skip
         trained.about["experiment"] = self.hash
-        trained.about["labelled"] = true or trained.about["labelled"]
+        if true:
+            trained.about["labelled"] = true
         return trained
 
 

@@ -132,7 +132,7 @@ class Watcher(nn.Module):
         words = self.ptae.words_in(tokens, there).to(keys.dtype)
         return self.ptae.encoder(words, there, keys, torch.ones_like(keys[..., 0]) > 0)[0]
 
-    def listen(self, tokens: Int[Tensor, "B 6"], first: Float[Tensor, "B K"]):
+    def code_of_task(self, tokens: Int[Tensor, "B 6"], first: Float[Tensor, "B K"]):
         """The code of sentences and the first look."""
         return self.code(tokens, torch.ones_like(tokens) > 0, first[:, None])
 
