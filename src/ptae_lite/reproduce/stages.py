@@ -138,7 +138,7 @@ STAGES = (
           "ptae_lite corrections --workers 2 --out {out}/corrections", {}, 9, simulator=True,
           leaves=("corrections/clips.npz",)),
     Stage("corrections of the controls", "ptae_lite.reproduce.run_parallel "
-          "ptae_lite corrections --without noise --workers 1 --count 648 "
+          "ptae_lite corrections --without added-noise --workers 1 --count 648 "
           "--out {out}/corrections_no_noise + "
           "ptae_lite corrections --without disturbances --workers 1 --count 648 "
           "--out {out}/corrections_no_disturbances", {}, 9, simulator=True,
