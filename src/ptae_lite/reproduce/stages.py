@@ -137,12 +137,6 @@ STAGES = (
     Stage("corrections",
           "ptae_lite corrections --workers 2 --out {out}/corrections", {}, 9, simulator=True,
           leaves=("corrections/clips.npz",)),
-    Stage("corrections of the controls", "ptae_lite.reproduce.run_parallel "
-          "ptae_lite corrections --without added-noise --workers 1 --count 648 "
-          "--out {out}/corrections_no_noise + "
-          "ptae_lite corrections --without disturbances --workers 1 --count 648 "
-          "--out {out}/corrections_no_disturbances", {}, 9, simulator=True,
-          leaves=("corrections_no_noise/clips.npz", "corrections_no_disturbances/clips.npz")),
     Stage("disturbances", "ptae_lite study disturbances --splits test --workers 2 "
           "--out {out}/results", {
         "results/disturbances.csv": table(
@@ -151,14 +145,20 @@ STAGES = (
     Stage("places", "ptae_lite study places --clips {out}/corrections --out {out}/results",
           {"results/places.csv": table([*places.KEY, "axis"], {"error_mm": (0.5, 0.2)}, 0.9)},
           2, simulator=True),
+    Stage("controls of open eyes", "ptae_lite study watching --split held_out --workers 2 "
+          "--seeds 0 --conditions moved --clips {out}/corrections --weights {out}/weights "
+          "--models watching one_look_policy frozen recorded_only eighth blind_on_clips "
+          "--out {out}/results", {}, 22, simulator=True,
+          leaves=("weights/watching_recorded_only_fit_seed0.safetensors",)),
     Stage("open eyes", "ptae_lite study watching --split test --workers 2 --seeds {seeds} "
+          "--models watching one_look_policy planner unaware "
           "--clips {out}/corrections --weights {out}/weights --out {out}/results", {
         "results/watching.csv": table(
             [*watching.KEY, "pattern", "variation"], {"^success$": (0, 0)}, 0.7),
         "results/watching_models.csv": table(watching.KEY[:3], SCORED, 0.8),
         "results/watching_episodes.npz": episodes(0.7),
         "results/corrected_strips.npz": STRIPS,
-        "weights/watching_seed0.safetensors": SCORES}, 6, 27, simulator=True),
+        "weights/watching_seed0.safetensors": SCORES}, 12, 14, simulator=True),
     Stage("book", "ptae_lite.book.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip
