@@ -105,6 +105,14 @@ def test_only_the_search_loads_the_search(tmp_path):
     assert (tmp_path / "search.html").read_text() == "".join(scripts)
 
 
+def test_words_of_other_languages_are_not_on_the_site(tmp_path):
+    words = tmp_path / "_static" / "locales" / "de" / "booktheme.mo"
+    words.parent.mkdir(parents=True)
+    words.write_bytes(b"words")
+    lighter.lighten(tmp_path)
+    assert [path.name for path in tmp_path.rglob("*")] == ["_static"]
+
+
 def test_what_is_hidden_stands_in_a_script(tmp_path):
     long = "<iframe>@ROOT@ü</iframe>" * late.WORTH
     page = (f'<html lang="en"><div data-frame hidden><template>{long}</template></div>'

@@ -29,7 +29,6 @@ class WatchingActor:
     Attributes:
         looks: scaled features of the images seen so far, (1, F) each.
         poses: scaled joints measured so far, (1, 5) each.
-        task: side, action and speed that it understood.
 
     Raises:
         ConfigError: the model is not a watching policy, or takes other features.

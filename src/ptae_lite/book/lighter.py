@@ -6,6 +6,7 @@ Drawings are squeezed: what Matplotlib writes for people to read is a fifth of t
 from __future__ import annotations
 
 import re
+import shutil
 import zlib
 from functools import cache
 from pathlib import Path
@@ -108,7 +109,11 @@ def squeezed(drawing: str) -> str:
 
 
 def lighten(site) -> None:
-    """Rewrite the pages and drawings of a built site; what is light already stays as it is."""
+    """Rewrite the pages and drawings of a built site; what is light already stays as it is.
+
+    The theme's words in other languages, which only the build reads, are deleted.
+    """
+    shutil.rmtree(Path(site) / "_static" / "locales", ignore_errors=True)
     for path in Path(site).glob("_images/*.svg"):
         path.write_text(squeezed(path.read_text("utf-8")), "utf-8", newline="\n")
     for path in Path(site).rglob("*.html"):

@@ -27,7 +27,8 @@ def table(said: pd.DataFrame, shares: Sequence[float]) -> Styler:
     made = shown.pivot(index="truth", columns="share", values="says")
     made = made.loc[list(dict.fromkeys(rows["truth"])), list(shares)]
     made.columns = [f"{share:g} %" for share in shares]
-    return made.rename_axis("the clip shows").reset_index().style.hide(axis="index")
+    styled = made.rename_axis("the clip shows").reset_index().style.hide(axis="index")
+    return styled.set_table_styles([{"selector": "th, td", "props": "text-align: left"}])
 
 
 def _shown(truth: str, said) -> str:
