@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import shutil
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -179,6 +180,8 @@ def test_it_fits_a_phone(browser, folder):
 @pytest.mark.skipif(not Path("/proc/self/smaps_rollup").exists(), reason="Linux tells the memory")
 def test_it_never_takes_too_much_memory():
     """Also while it loads, and while browsers make its code fast."""
-    peaks = live_memory.measured((SITE / "index.html").as_uri()).peaks()
+    with ThreadPoolExecutor(1) as pool:  # its Playwright cannot share a thread with the tests'
+        measured = pool.submit(live_memory.measured, (SITE / "index.html").as_uri())
+    peaks = measured.result().peaks()
     print(peaks)
     assert 20 < peaks["page"] < peaks["acting"] and max(peaks.values()) < MEMORY_MB
