@@ -63,9 +63,7 @@ class WatchingActor:
         self.poses.append(_row(scaling.joints(joints_rad)))
         first = self.looks[0]
         if len(self.poses) == 1:
-            self.numbers = model.task.decide(
-                model.code_of_task(self.tokens, torch.cat([first, self.poses[0]], dim=1))
-            )
+            self.numbers = model.understand(self.tokens, first)
         now = first if self.frozen else self.looks[-1]
         hand = kinematics.fingertip(_row(joints_rad))
         read = model.read(self.numbers, now[:, None])
@@ -83,7 +81,7 @@ class WatchingActor:
         """What it saw itself do, as a sentence: from the frames so far and their number."""
         model, keys = self.trained.model, [torch.cat(pair, 1) for pair in self._seen()]
         code = model.watch(torch.stack(keys, dim=1))
-        words = model.tell(code, torch.tensor([float(len(keys))]))
+        words = model.tell(code, torch.tensor([float(len(keys))]), self.looks[0])
         return decode(words[0].argmax(1).tolist())
 
     def _seen(self):

@@ -1,10 +1,11 @@
 """The training of a watching policy, part after part. The PTAE below it stays as it is.
 
-1. `TaskReader`: codes of the clips' first looks, with each of their eight sentences, to the task.
-2. `PlaceReader`: features to the places of the cubes, in the frames before the touch.
-3. `HandPlanner`: measured hands and read places to the hand's next place. It is given the true task
+1. `MeaningReader`: codes of the clips' sentences, all eight of each, to what they say.
+2. `ColourReader`: features to the colours of the cubes, in the frames before the touch.
+3. `PlaceReader`: features to the places of the cubes, in the same frames.
+4. `HandPlanner`: measured hands and read places to the hand's next place. It is given the true task
    and what the trained reader reads.
-4. The clock: codes of whole clips, and their durations, to their sentences.
+5. `Teller`: codes of whole clips, and their durations, to their sentences and sides.
 
 Each part has one cycle of AdamW's learning rate. Losses of places are in centimetres, squared.
 """
@@ -12,7 +13,7 @@ Each part has one cycle of AdamW's learning rate. Losses of places are in centim
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, fields
 
 import numpy as np
@@ -24,14 +25,25 @@ from torch.nn import functional
 from ptae_lite import devices
 from ptae_lite.data.demonstrations import REST, Demonstrations
 from ptae_lite.data.scaling import Scaling
+from ptae_lite.data.signals import WORDS_OUT
 from ptae_lite.errors import ConfigError, TrainingError
-from ptae_lite.language import ACTIONS, SIDES, SPEEDS, alternatives, encode, patterns, signal_index
+from ptae_lite.language import (
+    ACTIONS,
+    COLOURS,
+    SIDES,
+    SPEEDS,
+    Meaning,
+    alternatives,
+    encode,
+    patterns,
+    signal_index,
+)
 from ptae_lite.models import kinematics
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.watching import Watcher, WatcherConfig
 
 CM = 0.01
-STRETCH = (0.9, 1.15)  # of a clip's duration for the clock: own acts are shorter or longer
+STRETCH = (0.9, 1.15)  # of a clip's duration for the teller: own acts are shorter or longer
 
 
 @dataclass(frozen=True)
@@ -42,16 +54,17 @@ class WatchingRecipe:
         ConfigError: a value makes no sense.
     """
 
-    task_steps: int = 1500
+    meaning_steps: int = 500
+    colour_steps: int = 1500
     place_steps: int = 4000
     plan_steps: int = 1500
-    clock_steps: int = 400
+    teller_steps: int = 1500
     frames: int = 256  # in a batch of codes or of single frames
     clips: int = 32  # in a batch of clips, all of one speed
     learning_rate: float = 3e-3  # the peak
-    clock_lr: float = 1e-2
-    weight_decay: float = 0.01  # of the two readers
-    feature_noise: float = 0.02  # in network units, of the reader of places
+    weight_decay: float = 0.01  # of the three readers
+    teller_decay: float = 1.0  # of the teller, which otherwise learns the clips by heart
+    feature_noise: float = 0.02  # in network units, of the readers of colours and places
     hand_noise_m: float = 0.003  # of the measured hand: it must not copy its last step
     remember_weight: float = 1.0  # of the remembered place's loss
     clip_norm: float = 1.0
@@ -76,6 +89,8 @@ class Prepared:
     before_touch: Bool[Tensor, "C T"]
     frames: Int[Tensor, " C"]
     task: Int[Tensor, "C 3"]
+    meaning: Int[Tensor, "C 3"]
+    colours: Int[Tensor, "C 2"]
     sentences: Int[Tensor, "C 8 5"]
 
     @classmethod
@@ -89,6 +104,8 @@ class Prepared:
             places_m=_floats(given.places_m), remembered_m=_floats(given.remembered_m),
             before_touch=torch.from_numpy(given.before_touch),
             frames=torch.from_numpy(given.frames), task=torch.tensor([numbers(p) for p in asked]),
+            meaning=torch.tensor([said(p.meaning) for p in asked]),
+            colours=torch.tensor([[COLOURS.index(c) for c in p.arrangement] for p in asked]),
             sentences=torch.tensor(
                 [[encode(s) for s in alternatives(p.meaning)] for p in asked]
             ),
@@ -103,6 +120,18 @@ class Prepared:
 def numbers(shown) -> list[int]:
     """Side, action and speed of a pattern as numbers."""
     return [SIDES.index(shown.side), ACTIONS.index(shown.action), SPEEDS.index(shown.speed)]
+
+
+def said(meaning: Meaning) -> list[int]:
+    """Action, colour and speed of a meaning as numbers."""
+    kinds = (ACTIONS, COLOURS, SPEEDS)
+    return [words.index(word) for words, word in zip(kinds, meaning, strict=True)]
+
+
+def queries(sentences: Int[Tensor, "N 5"]) -> Int[Tensor, "N 6"]:
+    """The tokens that ask to execute sentences."""
+    signal = torch.full((len(sentences), 1), signal_index("execute"))
+    return torch.cat([signal, sentences], dim=1)
 
 
 def _floats(array) -> Tensor:
@@ -147,38 +176,51 @@ def train(
     return Trained(model, base.scaling, about)
 
 
-def fit_task(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
-    """Train the reader of the task."""
-    codes, tasks = first_codes(model, data).flatten(0, 1), data.task.repeat_interleave(8, dim=0)
+def fit_meaning(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
+    """Train the reader of the sentence."""
+    with torch.no_grad():
+        codes = model.code_of_sentence(queries(data.sentences.flatten(0, 1)))
+    meanings = data.meaning.repeat_interleave(data.sentences.shape[1], dim=0)
 
     def loss(_):
         drawn = torch.randint(len(codes), (recipe.frames,))
-        pairs = zip(model.task(codes[drawn]), tasks[drawn].unbind(1), strict=True)
+        pairs = zip(model.meaning(codes[drawn]), meanings[drawn].unbind(1), strict=True)
         return sum(functional.cross_entropy(scores, true) for scores, true in pairs)
 
-    return _cycle(model.task.parameters(), loss, recipe.task_steps, recipe, recipe.weight_decay)
+    return _cycle(model.meaning, loss, recipe.meaning_steps, recipe, recipe.weight_decay)
 
 
-@torch.no_grad()
-def first_codes(model: Watcher, data: Prepared) -> Float[Tensor, "C 8 H"]:
-    """Codes of the first look at each clip with each of its sentences."""
-    signal = torch.full((len(data.task), 1), signal_index("execute"))
-    queries = [torch.cat([signal, one], dim=1) for one in data.sentences.unbind(1)]
-    return torch.stack([model.code_of_task(query, data.keys[:, 0]) for query in queries], dim=1)
+def fit_colours(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
+    """Train the reader of colours."""
+    clip = data.before_touch.nonzero()[:, 0]
+
+    def loss(seen, drawn):
+        scores = model.colours(seen).flatten(0, 1)
+        return functional.nll_loss(scores, data.colours[clip[drawn]].flatten())
+
+    return _read(model.colours, data, loss, recipe.colour_steps, recipe)
 
 
 def fit_places(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
     """Train the reader of places."""
-    free = data.before_touch
-    seen, places = data.features[free], data.places_m[free]
+    places = data.places_m[data.before_touch]
 
-    def loss(_):
+    def loss(seen, drawn):
+        return ((model.places(seen) - places[drawn]) / CM).square().mean()
+
+    return _read(model.places, data, loss, recipe.place_steps, recipe)
+
+
+def _read(reader: nn.Module, data: Prepared, loss: Callable, steps: int, recipe: WatchingRecipe):
+    """Train a reader of single frames before the touch. `loss` is given some, and which."""
+    seen = data.features[data.before_touch]
+
+    def of_step(_):
         drawn = torch.randint(len(seen), (recipe.frames,))
         shown = seen[drawn]
-        shown = shown + recipe.feature_noise * torch.randn_like(shown)
-        return ((model.places(shown) - places[drawn]) / CM).square().mean()
+        return loss(shown + recipe.feature_noise * torch.randn_like(shown), drawn)
 
-    return _cycle(model.places.parameters(), loss, recipe.place_steps, recipe, recipe.weight_decay)
+    return _cycle(reader, of_step, steps, recipe, recipe.weight_decay)
 
 
 def fit_plan(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
@@ -201,21 +243,22 @@ def fit_plan(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
         forgot = ((kept - data.remembered_m[drawn, :count]) / CM).square().mean()
         return wrong + recipe.remember_weight * forgot
 
-    return _cycle(model.plan.parameters(), loss, recipe.plan_steps, recipe)
+    return _cycle(model.plan, loss, recipe.plan_steps, recipe)
 
 
-def fit_clock(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
-    """Train what the clock adds to the code of a clip that is described."""
+def fit_teller(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
+    """Train what is told of a clip beside its words: its side, and what duration changes."""
     codes = clip_codes(model, data)
 
     def loss(_):
         drawn = torch.randint(len(codes), (recipe.frames,))
         times = data.frames[drawn] * torch.empty(len(drawn)).uniform_(*STRETCH)
         words = data.sentences[drawn, torch.randint(8, (len(drawn),)), 1:]
-        said = model.tell(codes[drawn], times)
-        return -said.gather(2, words[..., None]).mean()
+        changed, side = model.teller(codes[drawn], times)
+        right = model.ptae.language(changed, WORDS_OUT).gather(2, words[..., None])
+        return functional.nll_loss(side, data.task[drawn, 0]) - right.mean()
 
-    return _cycle(model.clock.parameters(), loss, recipe.clock_steps, recipe, rate=recipe.clock_lr)
+    return _cycle(model.teller, loss, recipe.teller_steps, recipe, recipe.teller_decay)
 
 
 @torch.no_grad()
@@ -229,20 +272,17 @@ def clip_codes(model: Watcher, data: Prepared) -> Float[Tensor, "C H"]:
 
 
 PARTS: dict[str, Callable] = {
-    "task": fit_task, "place": fit_places, "plan": fit_plan, "clock": fit_clock,
+    "meaning": fit_meaning, "colour": fit_colours, "place": fit_places, "plan": fit_plan,
+    "teller": fit_teller,
 }  # fmt: skip
 
 
-def _cycle(parameters: Iterable[nn.Parameter], loss: Callable, steps: int, recipe: WatchingRecipe,
-           decay: float = 0.0, rate: float = 0.0) -> float:  # fmt: skip
+def _cycle(part: nn.Module, loss: Callable, steps: int, recipe: WatchingRecipe,
+           decay: float = 0.0) -> float:  # fmt: skip
     """Minimise `loss(step)`; returns the mean loss of the last tenth of the steps."""
-    parameters = list(parameters)
-    optimiser = torch.optim.AdamW(
-        parameters, rate or recipe.learning_rate, weight_decay=decay, fused=True
-    )
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, rate or recipe.learning_rate, total_steps=steps
-    )
+    parameters, rate = list(part.parameters()), recipe.learning_rate
+    optimiser = torch.optim.AdamW(parameters, rate, weight_decay=decay, fused=True)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, rate, total_steps=steps)
     last = []
     for step in range(steps):
         value = loss(step)

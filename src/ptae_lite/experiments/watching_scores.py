@@ -18,7 +18,7 @@ from ptae_lite.evaluation import alternatives_for, evaluate, nrmse
 from ptae_lite.language import patterns, says
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import inverse
-from ptae_lite.watching_training import Prepared, clip_codes, first_codes
+from ptae_lite.watching_training import Prepared, clip_codes, queries
 
 
 def score(trained: Trained, samples: Samples, model: str, seed: int, split: str) -> pd.DataFrame:
@@ -46,7 +46,8 @@ def score(trained: Trained, samples: Samples, model: str, seed: int, split: str)
 def describes(trained: Trained, data: Prepared, pattern) -> float:
     """The share of clips whose description is right."""
     model = trained.model
-    said = model.tell(clip_codes(model, data), data.frames.float()).argmax(2).numpy()
+    codes, first = clip_codes(model, data), data.features[:, 0]
+    said = model.tell(codes, data.frames.float(), first).argmax(2).numpy()
     meanings = [patterns()[i].meaning for i in pattern]
     return float(np.mean([says(one, what) for one, what in zip(said, meanings, strict=True)]))
 
@@ -55,7 +56,8 @@ def describes(trained: Trained, data: Prepared, pattern) -> float:
 def executed(trained: Trained, data: Prepared, alternative) -> Float[np.ndarray, "M 99 5"]:
     """The joints that the policy answers at each frame of recorded clips, in radians."""
     model, clip = trained.model, torch.arange(len(data.task))
-    task = model.task.decide(first_codes(model, data)[clip, alternative])
+    tokens = queries(data.sentences[clip, alternative])
+    task = model.understand(tokens, data.features[:, 0])
     read = model.read(task, data.features)
     wish, _, _ = model.follow(task, read, data.hand_m)
     joints = trained.scaling.joints_back(data.keys[:, :, data.features.shape[2] :].numpy())

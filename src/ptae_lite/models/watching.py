@@ -2,14 +2,15 @@
 
 ::
 
-    sentence, first look --PTAE--> h --TaskReader--> side, action, speed --\\
+    sentence --PTAE--> h --MeaningReader--> colour, action, speed --\\
+    first look --ColourReader--> where this colour stands --------- task --\\
     image now --PlaceReader--> places of the cubes --------------------HandPlanner --> wish
     measured joints --forward kinematics--> place of the hand -------------/
 
-The PTAE stays as it was trained, and does its four tasks as before. Its code tells once, at the
-first look, what is to be done. From then on the policy asks at every frame where the named cube is
-and where the hand is, and answers with the place where the hand is to be in the next frame. Inverse
-kinematics turns it into joints.
+The PTAE stays as it was trained, and does its four tasks as before. Its code of the sentence tells
+once what is to be done, and the first look on which side. From then on the policy asks at every
+frame where the named cube is and where the hand is, and answers with the place where the hand is to
+be in the next frame. Inverse kinematics turns it into joints.
 
 It also describes a clip of any length, such as its own act: from the frames that there are, without
 padding, and with a clock.
@@ -25,13 +26,25 @@ from torch import Tensor, nn
 
 from ptae_lite.data.samples import MAX_FRAMES
 from ptae_lite.data.signals import WORDS_OUT, Batch
-from ptae_lite.language import ACTIONS, EOS, SIDES, SPEEDS, signal_index
+from ptae_lite.language import (
+    ACTIONS,
+    COLOURS,
+    EOS,
+    SIDES,
+    SPEEDS,
+    SYNONYMS,
+    WORD_INDEX,
+    signal_index,
+)
 from ptae_lite.models.common import Answer, check_sizes
 from ptae_lite.models.hand_planner import HandPlanner, Memory
 from ptae_lite.models.ptae import PTAE, PTAEConfig
 from ptae_lite.robot.scene import NOMINAL_PLACES_M
 
 KINDS = (len(SIDES), len(ACTIONS), len(SPEEDS))  # choices of a task
+SAID = (len(ACTIONS), len(COLOURS), len(SPEEDS))  # choices of a meaning
+COLOUR_WORD = 1  # the place of the colour in a sentence
+COLOUR_INDEX = [[WORD_INDEX[name], WORD_INDEX[SYNONYMS[name]]] for name in COLOURS]
 PLACE_UNIT_M = 0.03  # a cube is mostly within this of the middle of its places
 
 
@@ -44,12 +57,13 @@ class WatcherConfig:
     """
 
     ptae: PTAEConfig | dict = field(default_factory=PTAEConfig)  # a dict if read from a file
-    task_units: int = 64
+    meaning_units: int = 64
+    colour_units: int = 64
     place_units: int = 128
     gate_units: int = 32
     units: int = 128
     layers: int = 2
-    clock_units: int = 8
+    teller_units: int = 64
     blind: bool = False  # a control: it sees the first image only, and does not feel its hand
 
     def __post_init__(self):
@@ -58,22 +72,51 @@ class WatcherConfig:
         check_sizes(self, *(name for name, value in asdict(self).items() if type(value) is int))
 
 
-class TaskReader(nn.Module):
-    """Code to the task: which side, which action, which speed."""
+class MeaningReader(nn.Module):
+    """Code of a sentence to what it says: which action, which colour, which speed."""
 
     def __init__(self, hidden: int, units: int):
         super().__init__()
         self.inner = nn.Sequential(nn.Linear(hidden, units), nn.ReLU())
-        self.outputs = nn.ModuleList(nn.Linear(units, kinds) for kinds in KINDS)
+        self.outputs = nn.ModuleList(nn.Linear(units, kinds) for kinds in SAID)
 
     def forward(self, code: Float[Tensor, "B H"]) -> list[Float[Tensor, "B _"]]:
-        """Scores of the sides, of the actions and of the speeds."""
+        """Scores of the actions, of the colours and of the speeds."""
         inner = self.inner(code)
         return [output(inner) for output in self.outputs]
 
-    def decide(self, code: Float[Tensor, "B H"]) -> Int[Tensor, "B 3"]:
-        """The most likely side, action and speed, as numbers."""
-        return torch.stack([scores.argmax(1) for scores in self(code)], dim=1)
+
+class ColourReader(nn.Module):
+    """Features of an image to the colours of both cubes."""
+
+    def __init__(self, features: int, units: int):
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Linear(features, units), nn.ReLU(), nn.Linear(units, len(SIDES) * len(COLOURS))
+        )
+
+    def forward(self, features: Float[Tensor, "... F"]) -> Float[Tensor, "... 2 6"]:
+        """Log-probabilities of the colours of the left and of the right cube."""
+        return self.layers(features).unflatten(-1, (len(SIDES), len(COLOURS))).log_softmax(-1)
+
+
+class Teller(nn.Module):
+    """Code and duration of a clip to a change of the code, and to the side of the moved cube.
+
+    The change makes the code of a clip of any length, such as its own act, into one whose words the
+    PTAE has learned.
+    """
+
+    def __init__(self, hidden: int, units: int):
+        super().__init__()
+        self.inner = nn.Sequential(nn.Linear(hidden + 1, units), nn.ReLU())
+        self.change, self.side = nn.Linear(units, hidden), nn.Linear(units, len(SIDES))
+
+    def forward(self, code: Float[Tensor, "B H"], frames: Float[Tensor, " B"]):
+        """The changed code (B, H), and log-probabilities of the sides (B, 2)."""
+        time = (frames[:, None] / MAX_FRAMES - 0.75) / 0.25  # +-1 for a slow and a fast clip
+        inner = self.inner(torch.cat([code, time], dim=1))
+        return code + self.change(inner), self.side(inner).log_softmax(1)
 
 
 def one_of_each(task: Int[Tensor, "B 3"]) -> Float[Tensor, "B K"]:
@@ -108,12 +151,11 @@ class Watcher(nn.Module):
         super().__init__()
         self.config, p, c = config, config.ptae, config
         self.ptae = PTAE(p)
-        self.task = TaskReader(p.hidden, c.task_units)
+        self.meaning = MeaningReader(p.hidden, c.meaning_units)
+        self.colours = ColourReader(p.features, c.colour_units)
         self.places = PlaceReader(p.features, c.place_units)
         self.plan = HandPlanner(sum(KINDS), c.units, c.layers, c.gate_units)
-        self.clock = nn.Sequential(
-            nn.Linear(1, c.clock_units), nn.Tanh(), nn.Linear(c.clock_units, p.hidden)
-        )
+        self.teller = Teller(p.hidden, c.teller_units)
 
     def forward(self, batch: Batch) -> Answer:
         """The answer of the PTAE to a batch."""
@@ -132,22 +174,52 @@ class Watcher(nn.Module):
         words = self.ptae.words_in(tokens, there).to(keys.dtype)
         return self.ptae.encoder(words, there, keys, torch.ones_like(keys[..., 0]) > 0)[0]
 
-    def code_of_task(self, tokens: Int[Tensor, "B 6"], first: Float[Tensor, "B K"]):
-        """The code of sentences and the first look."""
-        return self.code(tokens, torch.ones_like(tokens) > 0, first[:, None])
+    def code_of_sentence(self, tokens: Int[Tensor, "B 6"]) -> Float[Tensor, "B H"]:
+        """The code of sentences alone, with an empty frame in place of a look."""
+        p = self.config.ptae
+        nothing = self.meaning.inner[0].weight.new_zeros(len(tokens), 1, p.features + p.joints)
+        return self.code(tokens, torch.ones_like(tokens) > 0, nothing)
+
+    def understand(
+        self, tokens: Int[Tensor, "B 6"], first: Float[Tensor, "B F"]
+    ) -> Int[Tensor, "B 3"]:
+        """What is to be done: side, action and speed, as numbers.
+
+        Args:
+            first: features of the first image. The named cube is the one that more probably has
+                the colour that the sentence says.
+        """
+        scores = self.meaning(self.code_of_sentence(tokens))
+        action, colour, speed = (one.argmax(1) for one in scores)
+        side = self.colours(first)[torch.arange(len(tokens)), :, colour].argmax(1)
+        return torch.stack([side, action, speed], dim=1)
 
     def watch(self, keys: Float[Tensor, "B T K"]) -> Float[Tensor, "B H"]:
-        """The code of *describe* for clips of one length, before the clock."""
+        """The code of *describe* for clips of one length."""
         tokens = torch.full((len(keys), 6), EOS)
         tokens[:, 0] = signal_index("describe")
         return self.code(tokens, torch.arange(6).expand_as(tokens) < 2, keys)
 
     def tell(
-        self, code: Float[Tensor, "B H"], frames: Float[Tensor, " B"]
+        self, code: Float[Tensor, "B H"], frames: Float[Tensor, " B"], first: Float[Tensor, "B F"]
     ) -> Float[Tensor, "B 4 V"]:
-        """Log-probabilities of the words that describe clips, with their durations as a clock."""
-        time = (frames[:, None] / MAX_FRAMES - 0.75) / 0.25  # +-1 for a slow and a fast clip
-        return self.ptae.language(code + self.clock(time), WORDS_OUT)
+        """Scores of the words that describe clips: what the PTAE says of the changed code.
+
+        A colour must also be that of the moved cube in the first image: the scores of its words are
+        the sum of both log-probabilities.
+
+        Args:
+            code: from `watch`.
+            frames: durations of the clips.
+            first: features of their first images.
+        """
+        changed, side = self.teller(code, frames)
+        words = self.ptae.language(changed, WORDS_OUT)
+        seen = (side[:, :, None] + self.colours(first)).logsumexp(1)
+        more = torch.zeros_like(words)
+        for which in zip(*COLOUR_INDEX, strict=True):
+            more[:, COLOUR_WORD, list(which)] = seen
+        return words + more
 
     def read(
         self, task: Int[Tensor, "B 3"], video: Float[Tensor, "B T F"]
