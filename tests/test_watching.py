@@ -14,7 +14,7 @@ from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.data.signals import Source, build
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import respond
-from ptae_lite.language import SYNONYMS, WORD_INDEX, decode, patterns, sentence
+from ptae_lite.language import COLOURS, SYNONYMS, WORD_INDEX, decode, patterns, sentence
 from ptae_lite.models import PTAE, PTAEConfig, checkpoint, kinematics
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.watching import KINDS, Watcher, WatcherConfig, one_of_each
@@ -23,9 +23,10 @@ from ptae_lite.watching_actor import WatchingActor
 from ptae_lite.watching_training import (
     Prepared,
     WatchingRecipe,
-    first_codes,
-    fit_clock,
+    clip_codes,
+    fit_teller,
     numbers,
+    queries,
     train,
 )
 
@@ -52,8 +53,8 @@ def base(recording):
 def learned(recording, base):
     """A policy that was trained on eight clips."""
     recipe = WatchingRecipe(
-        task_steps=200, place_steps=300, plan_steps=250, clock_steps=100, clips=4, hand_noise_m=0.0,
-        frames=64, feature_noise=0.0, learning_rate=1e-2,
+        meaning_steps=1500, colour_steps=100, place_steps=300, plan_steps=250, teller_steps=100,
+        clips=4, hand_noise_m=0.0, frames=64, feature_noise=0.0, learning_rate=1e-2,
     )  # fmt: skip
     return train(base, demonstrations.recorded(recording, EIGHT), recipe)
 
@@ -121,9 +122,9 @@ def test_shapes_and_gradients_reach_every_part():
     assert read.shape == kept.shape == (2, 7, 2) and wish.shape == (2, 7, 3)
     assert memory.place_m.shape == (2, 2)
     assert one_of_each(task).sum(1).tolist() == [len(KINDS)] * 2
-    code = model.code_of_task(torch.zeros(2, 6, dtype=torch.long), torch.randn(2, 35))
-    words = model.tell(model.watch(torch.randn(2, 9, 35)), torch.tensor([9.0, 9.0]))
-    scores = sum(part.square().mean() for part in model.task(code))
+    code = model.code_of_sentence(torch.zeros(2, 6, dtype=torch.long))
+    words = model.tell(model.watch(torch.randn(2, 9, 35)), torch.tensor([9.0, 9.0]), video[:, 0])
+    scores = sum(part.square().mean() for part in model.meaning(code))
     (wish.square().mean() + words.square().mean() + scores).backward()
     silent = [n for n, p in model.named_parameters() if p.grad is None or not p.grad.abs().sum()]
     # the joints of the PTAE's own decoder are not used, and softmax does not see the keys' bias
@@ -159,10 +160,11 @@ def test_a_blind_one_sees_the_first_image_only_and_does_not_feel_its_hand(shown)
 def test_it_learns_eight_clips(learned, shown):
     model = learned.model
     with torch.no_grad():
-        decided = model.task.decide(first_codes(model, shown).flatten(0, 1))
+        decided = [model.understand(queries(one), shown.features[:, 0])
+                   for one in shown.sentences.unbind(1)]  # fmt: skip
         read = model.read(shown.task, shown.features)
         wish, kept, _ = model.follow(shown.task, read, shown.hand_m)
-    assert (decided == shown.task.repeat_interleave(8, 0)).all()
+    assert all((one == shown.task).all() for one in decided)
     free = shown.before_touch
     assert (read - shown.remembered_m)[free].norm(dim=1).mean() < 0.002
     inside = torch.arange(wish.shape[1]) < shown.frames[:, None]
@@ -170,18 +172,56 @@ def test_it_learns_eight_clips(learned, shown):
     assert (kept - shown.remembered_m)[inside].norm(dim=1).mean() < 0.005
 
 
-def test_it_tells_the_speed_by_its_clock(recording):
-    """The same frames, said to have taken longer, are said to be slow."""
+@pytest.fixture(scope="module")
+def teller(recording):
+    """A policy on a trained PTAE that has learned to tell of eight clips, and these clips."""
     known = checkpoint.load(artefacts.stored("weights/one_look_policy_seed0.safetensors"))
+    torch.manual_seed(0)
     model = Watcher(WatcherConfig(ptae=known.model.config)).eval()
     model.ptae.load_state_dict(known.model.state_dict())
     shown = Prepared.of(demonstrations.recorded(recording, EIGHT), known.scaling)
-    fit_clock(model, shown, WatchingRecipe(clock_steps=60, frames=32))
+    fit_teller(model, shown, WatchingRecipe(teller_steps=300, frames=32))
+    return model, shown
+
+
+def test_it_tells_the_speed_by_the_duration(teller):
+    """The same frames, said to have taken longer, are said to be slow."""
+    model, shown = teller
     with torch.no_grad():
-        code = model.watch(shown.keys[:, :50])
-        said = [model.tell(code, torch.full((8,), t)).argmax(2)[:, 2] for t in (50.0, 100.0)]
+        code, first = model.watch(shown.keys[:, :50]), shown.features[:, 0]
+        said = [model.tell(code, torch.full((8,), t), first).argmax(2)[:, 2] for t in (50.0, 100.0)]
     slow = {WORD_INDEX[word] for word in ("slowly", SYNONYMS["slowly"])}
     assert [[word in slow for word in one.tolist()] for one in said] == [[False] * 8, [True] * 8]
+
+
+def test_it_says_no_colour_that_it_does_not_see(teller):
+    """Whatever PTAE would say, where only cyan and violet cubes stand it says cyan or violet."""
+    model, shown = teller
+
+    def colours(first):
+        scores = torch.full((len(first), 2, len(COLOURS)), -100.0)
+        scores[:, 0, COLOURS.index("cyan")] = scores[:, 1, COLOURS.index("violet")] = 0
+        return scores
+
+    code, first = clip_codes(model, shown), shown.features[:, 0]
+    model.colours.forward = colours
+    with torch.no_grad():
+        words = model.tell(code, shown.frames.float(), first).argmax(2)
+    del model.colours.forward
+    said = {decode(one).split()[1] for one in words.tolist()}
+    assert said <= {"cyan", "violet", SYNONYMS["cyan"], SYNONYMS["violet"]} and len(said) > 1
+
+
+def test_the_side_is_where_the_named_colour_is_more_probable(learned, shown):
+    """Colours decide, not the pairs of the training: the same sentence, the cubes exchanged."""
+    model, tokens = learned.model, queries(shown.sentences[:, 0])
+    with torch.no_grad():
+        seen = model.colours(shown.features[:, 0])
+        model.colours.forward = lambda first: seen.flip(1)
+        other = model.understand(tokens, shown.features[:, 0])
+        del model.colours.forward
+    assert (other[:, 0] == 1 - shown.task[:, 0]).all()
+    assert (other[:, 1:] == shown.task[:, 1:]).all()
 
 
 def test_the_ptae_below_answers_as_before(learned, base, recording):
@@ -237,7 +277,8 @@ def test_it_acts_the_same_way_twice_and_inside_the_joints_limits(learned, record
     ], axis=1)  # fmt: skip
     with torch.no_grad():
         code = learned.model.watch(torch.tensor(seen[None], dtype=torch.float32))
-        words = learned.model.tell(code, torch.tensor([20.0]))
+        first = torch.tensor(seen[:1, :30], dtype=torch.float32)
+        words = learned.model.tell(code, torch.tensor([20.0]), first)
     assert actor.describe() == decode(words[0].argmax(1).tolist())
 
 

@@ -25,7 +25,8 @@ from ptae_lite.training import Recipe
 from ptae_lite.watching_training import Prepared, WatchingRecipe
 
 TINY = {"hidden": 16, "heads": 2, "feed_forward": 32, "decoder_units": 12, "dropout": 0.0}
-SHORT = {"task_steps": 2, "place_steps": 2, "plan_steps": 2, "clock_steps": 2, "clips": 2}
+PARTS = ("meaning", "colour", "place", "plan", "teller")
+SHORT = {f"{name}_steps": 2 for name in PARTS} | {"clips": 2}
 
 
 @pytest.fixture(scope="module")

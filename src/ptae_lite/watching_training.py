@@ -32,6 +32,9 @@ from ptae_lite.language import (
     COLOURS,
     SIDES,
     SPEEDS,
+    SYNONYMS,
+    TOKENS,
+    WORD_INDEX,
     Meaning,
     alternatives,
     encode,
@@ -247,18 +250,34 @@ def fit_plan(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
 
 
 def fit_teller(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
-    """Train what is told of a clip beside its words: its side, and what duration changes."""
-    codes = clip_codes(model, data)
+    """Train what is told of a clip: its side, and its words, of which duration decides the speed.
+
+    Half of the clips are said to have taken as long as those of the other speed, and their
+    sentences say so. The teller must then look at the clock, and not at the frames.
+    """
+    codes, slow = clip_codes(model, data), data.task[:, 2] == SPEEDS.index("slowly")
+    other = other_speed()
 
     def loss(_):
         drawn = torch.randint(len(codes), (recipe.frames,))
         times = data.frames[drawn] * torch.empty(len(drawn)).uniform_(*STRETCH)
         words = data.sentences[drawn, torch.randint(8, (len(drawn),)), 1:]
+        turned = torch.rand(len(drawn)) < 0.5
+        times = torch.where(turned, times * torch.where(slow[drawn], 0.5, 2.0), times)
+        words = torch.where(turned[:, None], other[words], words)
         changed, side = model.teller(codes[drawn], times)
         right = model.ptae.language(changed, WORDS_OUT).gather(2, words[..., None])
         return functional.nll_loss(side, data.task[drawn, 0]) - right.mean()
 
     return _cycle(model.teller, loss, recipe.teller_steps, recipe, recipe.teller_decay)
+
+
+def other_speed() -> Int[Tensor, " V"]:
+    """The index of each token, and for words of a speed that of the other speed's word."""
+    turned = torch.arange(len(TOKENS))
+    slow, fast = ([WORD_INDEX[name], WORD_INDEX[SYNONYMS[name]]] for name in SPEEDS)
+    turned[slow], turned[fast] = torch.tensor(fast), torch.tensor(slow)
+    return turned
 
 
 @torch.no_grad()
