@@ -44,6 +44,7 @@ from ptae_lite.robot.scene import NOMINAL_PLACES_M
 KINDS = (len(SIDES), len(ACTIONS), len(SPEEDS))  # choices of a task
 SAID = (len(ACTIONS), len(COLOURS), len(SPEEDS))  # choices of a meaning
 COLOUR_WORD = 1  # the place of the colour in a sentence
+UNSEEN = -100.0  # log-probability of a word that is no colour, in this place
 COLOUR_INDEX = [[WORD_INDEX[name], WORD_INDEX[SYNONYMS[name]]] for name in COLOURS]
 PLACE_UNIT_M = 0.03  # a cube is mostly within this of the middle of its places
 
@@ -217,6 +218,7 @@ class Watcher(nn.Module):
         words = self.ptae.language(changed, WORDS_OUT)
         seen = (side[:, :, None] + self.colours(first)).logsumexp(1)
         more = torch.zeros_like(words)
+        more[:, COLOUR_WORD] = UNSEEN
         for which in zip(*COLOUR_INDEX, strict=True):
             more[:, COLOUR_WORD, list(which)] = seen
         return words + more
