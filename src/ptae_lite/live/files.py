@@ -28,11 +28,13 @@ APACHE = "safetensors"  # a Python package that carries the text of its licence,
 LICENCES = ("onnxruntime-web", "@mujoco/mujoco")
 
 
-def model(folder, name: str, path, short: bool = True) -> dict:
-    """Write a PTAE; returns what `packing.write` does."""
+def model(folder, name: str, path) -> dict:
+    """Write a PTAE, without its action decoder if it only describes; returns what `packing.write`
+    does.
+    """
     trained = checkpoint.load(path)
-    parts = {key: export.graph(part, short)
-             for key, part in networks.parts_of(trained.model).items()}  # fmt: skip
+    parts = {key: export.graph(part) for key, part in networks.parts_of(trained.model).items()
+             if name in models.POLICIES or key in models.TO_DESCRIBE}  # fmt: skip
     scaling = {key: value.tolist() for key, value in vars(trained.scaling).items()}
     config = trained.model.config
     about = {"scaling": scaling, "freeze_video": config.freeze_video, "joints": config.joints,

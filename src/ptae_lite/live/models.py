@@ -24,6 +24,7 @@ POLICIES = {
     "watching": "the watching policy",
     "dagger": "the watching policy after DAgger",
 }
+TO_DESCRIBE = ("encode", "say")  # the parts of a model that does not act, see `networks`
 LABELLED = {"ptae_5": 5, "ptae_20": 20, "ptae": 100}  # percent of the training clips
 
 
