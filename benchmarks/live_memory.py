@@ -92,7 +92,7 @@ def measured(address: str) -> Watch:
         colour = sentence.input_value().split()[1]
         for number, text in enumerate(SENTENCES, 1):
             sentence.fill(text.format(colour))
-            place.get_by_role("button", name="Act").click()
+            place.get_by_role("button", name="Act", exact=True).click()
             place.locator(f"[data-answered='{number}']").wait_for()
             page.wait_for_timeout(1500)
         watch.phase = "rest"

@@ -10,7 +10,7 @@ globalThis.actAgain = async (tasks, told = () => {}) => {
     const episode = task.joints_rad
       ? await PtaeLive.perform(robot.world, task, PtaeLive.replay(task.joints_rad))
       : await robot.act(policy, language, task.sentence && language.encode(task.sentence), task, autoencoder);
-    made.push({...PtaeLive.judge(robot.about, episode, task), ms: performance.now() - begun});
+    made.push({...PtaeLive.judge(robot.about, episode, task), event: episode.event, ms: performance.now() - begun});
     told(made.length);
   }
   return made;
@@ -33,6 +33,7 @@ if (typeof process !== "undefined" && process.argv[2]) (async () => {
     else run(name);
   };
   PtaeLive.scripts.filter(name => !/form|figures|stage|part/.test(name)).forEach(run);
+  PtaeLive.free = () => {}; // Node still unpacks from an array that it has taken
   // Node imports no blob, and finds the modules as files
   PtaeLive.loadMuJoCo = async (script, wasmBinary) =>
     (await import(pathToFileURL(from("@mujoco/mujoco/mujoco.js")))).default({wasmBinary});

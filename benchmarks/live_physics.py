@@ -4,10 +4,11 @@
     python benchmarks/live_physics.py FOLDER --random 100
 
 FOLDER has the live files (`python -m ptae_lite.live.files FOLDER`, or the site's `_static/live`).
-Each episode of a policy (seed 0) in `closed_loop.csv` gets a second verdict, beside PyBullet's. The
-policy is the one-look policy, or another whose weights the site has. With `--replay`, the recorded
-joints are followed instead: that compares physics alone. With `--random`, scenes are drawn anew,
-and PyBullet acts in them first, with its own camera: that compares what the cameras lead to.
+Each episode of a policy (seed 0) in `closed_loop.csv` or `watching.csv` gets a second verdict,
+beside PyBullet's. The policy is the one-look policy, or another whose weights the site has. With
+`--replay`, the recorded joints are followed instead: that compares physics alone. With `--random`,
+scenes are drawn anew, and PyBullet acts in them first, with its own camera: that compares what the
+cameras lead to.
 """
 
 from __future__ import annotations
@@ -24,7 +25,6 @@ import pandas as pd
 import torch
 
 from ptae_lite import artefacts, vision
-from ptae_lite.acting import Actor
 from ptae_lite.data.samples import Samples, load_samples
 from ptae_lite.experiments.tasks import Task, tasks_of
 from ptae_lite.language import COLOURS, pattern, patterns, sentence
@@ -33,22 +33,25 @@ from ptae_lite.models import checkpoint
 from ptae_lite.robot import closed_loop
 from ptae_lite.robot.closed_loop import Setting, Verdict
 from ptae_lite.robot.scene import NOMINAL_PLACES_M
+from ptae_lite.watching_actor import actor_of
 
 SEED, REPLAY, RANDOM = 0, "replay", "random"
 AWAY_M, TURNED_RAD = 0.03, 0.7  # of cubes at random: along each axis, and about the vertical
-MODELS = {  # in the table, and their packs
-    "one_look_policy": "policy", "ptae": "ptae", "ptae_no_padding": "no_padding",
-    "watching_policy": "watching", "dagger": "dagger",
-}  # fmt: skip
+MODELS = {"one_look_policy": "policy", "ptae": "ptae", "watching": "watching"}  # and their packs
 ONE_LOOK = "one_look_policy"
 CONDITIONS = ("test", "displaced", "new_family", "swapped_speed", "blank")  # 648 episodes
+WATCHING = "watching"
+OF_WATCHING = (*CONDITIONS[:4], "moved")  # 628 episodes
 SCRIPT = Path(__file__).with_suffix(".js")
 
 
 def tasks(samples: Samples, condition: str, model: str = ONE_LOOK) -> list[dict]:
     """A model's episodes of a condition: what `actAgain` needs, and the stored verdict."""
-    table = pd.read_csv(artefacts.stored("results/closed_loop.csv"), keep_default_na=False)
+    name = "watching" if model == WATCHING else "closed_loop"
+    table = pd.read_csv(artefacts.stored(f"results/{name}.csv"), keep_default_na=False)
     table = table[(table["condition"] == condition) & (table["seed"] == SEED)]
+    if "split" in table:
+        table = table[table["split"] == "test"]
     if condition != REPLAY:
         table = table[table["model"] == model]
     number = {(int(p), int(v)): i for i, (p, v) in
@@ -68,7 +71,12 @@ def tasks(samples: Samples, condition: str, model: str = ONE_LOOK) -> list[dict]
 
 def asked_of(condition: str, task: Task, verdict: Verdict, model: str) -> dict:
     """What `actAgain` needs of an episode, and PyBullet's verdict."""
+    what, shift = task.disturbance, None
+    if what:
+        by_m = (what.places_m - task.stage.places_m).tolist()
+        shift = {"away_m": what.away_m, "by_m": by_m}
     return {
+        "shift": shift,
         "condition": condition, "policy": MODELS[model], "colours": task.stage.colours,
         "places_m": np.asarray(task.stage.places_m).tolist(),
         "yaws_rad": np.asarray(task.stage.yaws_rad).tolist(), "sentence": task.instruction,
@@ -90,7 +98,7 @@ def random_tasks(count: int, model: str) -> list[dict]:
         places = NOMINAL_PLACES_M + rng.uniform(-AWAY_M, AWAY_M, (2, 2))
         stage = Setting((left, right), places, rng.uniform(-TURNED_RAD, TURNED_RAD, 2))
         task = Task(-1, stage, sentence(asked.meaning, int(rng.integers(8))), asked)
-        episode = closed_loop.perform(stage, Actor(trained, encoder, task.instruction))
+        episode = closed_loop.perform(stage, actor_of(trained, encoder, task.instruction))
         verdict = closed_loop.judge(episode, asked.action, asked.side, asked.speed)
         made.append(asked_of(RANDOM, task, verdict, model))
     return made
@@ -142,7 +150,7 @@ def main(arguments=None) -> int:
     parser = argparse.ArgumentParser(description=__doc__.split(":")[0] + ".")
     parser.add_argument("folder", type=Path)
     parser.add_argument("--model", choices=MODELS, default=ONE_LOOK)
-    parser.add_argument("--conditions", nargs="+", choices=CONDITIONS, default=CONDITIONS)
+    parser.add_argument("--conditions", nargs="+", choices={*CONDITIONS, *OF_WATCHING})
     parser.add_argument("--replay", action="store_true", help="follow the recorded joints")
     parser.add_argument("--random", type=int, metavar="COUNT", help="act in scenes drawn by chance")
     parser.add_argument("--out", type=Path, help="a table with a row for each episode")
@@ -150,7 +158,9 @@ def main(arguments=None) -> int:
     if given.random:
         asked = random_tasks(given.random, given.model)
     else:
-        samples, wanted = load_samples("recording"), [REPLAY] if given.replay else given.conditions
+        every = OF_WATCHING if given.model == WATCHING else CONDITIONS
+        samples, wanted = load_samples("recording"), given.conditions or every
+        wanted = [REPLAY] if given.replay else wanted
         asked = [task for condition in wanted for task in tasks(samples, condition, given.model)]
     table = compared(asked, in_node(given.folder, asked))
     if given.out:

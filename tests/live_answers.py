@@ -25,8 +25,10 @@ from ptae_lite.experiments.incongruence import (
 from ptae_lite.language import pattern, sentence
 from ptae_lite.live import export, files, models, networks, packing
 from ptae_lite.models import checkpoint
+from ptae_lite.watching_actor import WatchingActor
 
-IMAGES, CONFLICT_CLIPS = 12, 3
+IMAGES, CONFLICT_CLIPS, WATCHED = 12, 3, 12
+JUMP = 15  # the frame from which a policy that watches is shown another clip
 
 
 def numbers(array, kind="<f4") -> bytes:
@@ -66,6 +68,8 @@ def write(folder) -> dict:
         trained = checkpoint.load(artefacts.stored(models.MORE[name]))
         described = evaluation.respond(trained, Source(trained.dataset(samples)), test, "describe")
         told["labelled"][name] = evaluation.sentences(described)
+    told["watched"], answers = watched(samples, test, told["sentences"])
+    parts |= {f"watching_{key}": numbers(rows) for key, rows in answers.items()}
     encoder = vision.load_autoencoder(artefacts.stored(files.ENCODER))
     shots = np.stack([frames.frame(int(samples.pattern[i]), int(samples.variation[i]), 0)
                       for i in test[:IMAGES]])  # fmt: skip
@@ -96,6 +100,40 @@ def conflicts(trained, samples, source, test, wording):
     return rows, {"words": np.stack(words), "joints": np.stack(joints)}
 
 
+class Shown(nn.Module):
+    """An encoder that has these features of one image after another."""
+
+    def __init__(self, features):
+        super().__init__()
+        self.rows = iter(torch.from_numpy(features))
+
+    def encode(self, images):
+        return next(self.rows)[None]
+
+
+def watched(samples, test, sentences):
+    """What a policy that watches does and says in clips whose cubes jump to those of another."""
+    trained = checkpoint.load(artefacts.stored(models.MORE["watching"]))
+    image = np.zeros((120, 160, 3), np.uint8)
+    rows, joints, words = [], [], []
+    for k in range(0, len(test), len(test) // WATCHED):
+        index = int(test[k])
+        other = index - 1 if samples.variation[index] else index + 1  # the same task
+        frames = int(min(samples.frames[[index, other]]))
+        features = samples.features[[index] * JUMP + [other] * (frames - JUMP), range(frames)]
+        actor = WatchingActor(trained, Shown(features), sentences[k])
+        targets = [actor(lambda: image, one.astype(float))
+                   for one in samples.joints[index, :frames]]  # fmt: skip
+        joints.append(trained.scaling.joints(np.array(targets, np.float32)))
+        with torch.no_grad():
+            keys = torch.stack([torch.cat(pair, 1) for pair in actor._seen()], dim=1)
+            clock = torch.tensor([float(frames)])
+            words.append(trained.model.tell(trained.model.watch(keys), clock)[0].exp().numpy())
+        rows.append({"clip": k, "other": int(np.flatnonzero(test == other)[0]), "frames": frames,
+                     "jump": JUMP, "said": actor.describe()})  # fmt: skip
+    return rows, {"joints": np.concatenate(joints), "words": np.stack(words)}
+
+
 # ---------------------------------------------------------------- changed models
 
 
@@ -116,6 +154,14 @@ def missing_bias():
     return {"say": networks.parts_of(model)["say"]}
 
 
+@torch.no_grad()
+def open_gate():
+    """A policy that watches goes on looking where the arm hides the cube."""
+    model = checkpoint.load(artefacts.stored(models.MORE["watching"])).model
+    model.plan.gate.bias.fill_(20)
+    return {"follow": networks.parts_of(model)["follow"]}
+
+
 def wrong_padding():
     """The first convolution of one channel begins at the image's edge."""
     encoder = vision.load_autoencoder(artefacts.stored(files.ENCODER))
@@ -132,7 +178,7 @@ def ptae():
     return checkpoint.load(artefacts.stored(models.FIRST["ptae"])).model
 
 
-FAULTS = (swapped_gates, missing_bias, wrong_padding)
+FAULTS = (swapped_gates, missing_bias, wrong_padding, open_gate)
 CHANGES = {one.__name__: one for one in (*FAULTS, single_precision)}
 
 

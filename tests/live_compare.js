@@ -73,6 +73,25 @@ async function compare(clips = Infinity, change = null) {
     gap("conflict words", told.flatMap(one => [...one]), theirs("conflict_words", k, 92));
     gap("conflict joints", joints, theirs("conflict_joints", k, 495));
   }
+  const watching = put("watching", await PtaeLive.PTAE.open("watching")), [{about: scene}] = await PtaeLive.load(["scene"]);
+  const inverse = new PtaeLive.Inverse(scene);
+  let alike = 0, from = 0;
+  for (const [k, {clip, other, frames, jump, said}] of about.watched.entries()) {
+    const frame = t => test[t < jump ? clip : other].features.subarray(30 * t, 30 * (t + 1));
+    let t = 0;
+    const act = PtaeLive.watching(watching, language, language.encode(about.sentences[clip]), () => frame(t), inverse);
+    const made = new Float32Array(5 * frames);
+    for (; t < frames; t++) {
+      const joints_rad = Array.from(test[clip].joints.subarray(5 * t, 5 * t + 5));
+      const target = await clock("watch", () => act({joints_rad}));
+      made.set(watching.scaling.joints(target), 5 * t);
+    }
+    gap("watching joints", made, floats("watching_joints").subarray(5 * from, 5 * (from + frames)));
+    from += frames;
+    const words = await clock("describe own act", () => act.describe());
+    gap("watching words", words.flatMap(row => [...row]), theirs("watching_words", k, 92));
+    alike += language.decode(PtaeLive.best(words)) === said;
+  }
   const autoencoder = put("autoencoder", await PtaeLive.Autoencoder.open());
   for (let k = 0; k < parts.images.length / 57600; k++) {
     const image = new ImageData(160, 120);
@@ -85,5 +104,6 @@ async function compare(clips = Infinity, change = null) {
   }
   const median = all => all.sort((a, b) => a - b)[all.length >> 1];
   return {worst, same, of: few(test).length, agree, conflicts: few(about.conflicts).length, labelled,
+    watched: about.watched.length, alike,
     ms: Object.fromEntries(Object.entries(times).map(([name, all]) => [name, median(all)]))};
 }

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -27,6 +28,19 @@ PAGE = """<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Act<
 EPISODES = 12  # of each condition, 60 in all
 WATCHED = 12  # of a model that looks in each frame
 MEMORY_MB = 300
+ASKED = """async asked => {
+  await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
+  return actAgain(asked);
+}"""
+STARE = """async asked => {
+  await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
+  const {see} = PtaeLive.Robot.prototype, first = new Map();
+  PtaeLive.Robot.prototype.see = function (joints, cubes, colours, eye) {
+    if (!first.has(colours)) first.set(colours, see.call(this, joints, cubes, colours, eye));
+    return first.get(colours);
+  };
+  return actAgain(asked);
+}"""  # the first picture again and again
 
 
 def _benchmark(name: str):
@@ -65,12 +79,12 @@ def pressed(page):
     return place
 
 
-def act(place, sentence: str) -> dict:
+def act(place, sentence: str, button: str = "Act") -> dict:
     """Type a sentence and press the button; what the part says when the arm has acted."""
     room = "document.querySelector('[data-ptae-live] > div').dataset"
     before = place.page.evaluate(f"Number({room}.answered ?? 0)")
     place.get_by_label("sentence").fill(sentence)
-    place.get_by_role("button", name="Act").click()
+    place.get_by_role("button", name=button, exact=True).click()
     place.page.wait_for_function(f"before => Number({room}.answered ?? 0) > before", arg=before)
     said = place.locator(".ptae-live-said")
     return {"text": said.inner_text()} | said.evaluate("one => ({...one.dataset})")
@@ -82,13 +96,10 @@ def test_verdicts_are_pybullets(page):
     for condition in live_physics.CONDITIONS:
         of = live_physics.tasks(samples, condition)
         asked += of[:: len(of) // EPISODES][:EPISODES]
-    watching = live_physics.tasks(samples, "test", "ptae")
-    watching = watching[:: len(watching) // WATCHED][:WATCHED]
-    made = page.evaluate("""async asked => {
-      await Promise.all(PtaeLive.scripts.map(PtaeLive.script));
-      return actAgain(asked);
-    }""", json.loads(json.dumps(asked + watching)))  # fmt: skip
-    table = live_physics.compared(asked + watching, made)
+    seen = live_physics.tasks(samples, "test", "ptae")
+    seen = seen[:: len(seen) // WATCHED][:WATCHED]
+    made = page.evaluate(ASKED, json.loads(json.dumps(asked + seen)))
+    table = live_physics.compared(asked + seen, made)
     print(live_physics.summary(table).round(2).to_string())
     seen, table = table[len(asked) :], table[: len(asked)]
     assert (seen["success"] == seen["success_stored"]).mean() >= 0.9
@@ -96,6 +107,26 @@ def test_verdicts_are_pybullets(page):
     assert (table["success"] == table["success_stored"]).mean() >= 0.98
     assert (table["named_mm"] - table["named_mm_stored"]).abs().median() < 1
     assert table["ms"].median() < 2000
+
+
+def moved_scenes():
+    """Scenes in which PyBullet moved cubes, evenly chosen."""
+    asked = live_physics.tasks(load_samples("recording"), "moved", live_physics.WATCHING)
+    return json.loads(json.dumps(asked[:: len(asked) // WATCHED][:WATCHED]))
+
+
+def test_it_follows_a_cube_that_is_moved_as_in_pybullet(page):
+    made = page.evaluate(ASKED, moved_scenes())
+    table = live_physics.compared(moved_scenes(), made)
+    print(live_physics.summary(table).round(2).to_string())
+    assert (table["success"] == table["success_stored"]).mean() >= 0.9
+    assert (table["named_mm"] - table["named_mm_stored"]).abs().median() < 2
+    assert table["ms"].median() < 5000 and min(one["event"] for one in made) > 0
+
+
+def test_a_page_that_shows_it_the_first_picture_only_is_seen(page):
+    made = page.evaluate(STARE, moved_scenes())
+    assert np.mean([one["success"] for one in made]) < 0.5
 
 
 def test_a_sentence_is_acted_told_and_described(page):
@@ -112,7 +143,7 @@ def test_a_sentence_is_acted_told_and_described(page):
 def test_words_and_colours_that_are_not_there(page):
     place = pressed(page)
     place.get_by_label("sentence").fill("walk red slowly")
-    place.get_by_role("button", name="Act").click()
+    place.get_by_role("button", name="Act", exact=True).click()
     alert = place.get_by_role("alert")
     assert "walk" in alert.inner_text() and "push" in alert.inner_text()
     done = act(place, "push yellow slowly")
@@ -132,7 +163,7 @@ def test_moved_cubes_are_seen_and_must_not_overlap(page):
     for cube in (0, 2):
         for i, value in enumerate((400, 50)):
             sliders.nth(cube + i).fill(str(value))
-    place.get_by_role("button", name="Act").click()
+    place.get_by_role("button", name="Act", exact=True).click()
     assert "one place" in place.get_by_role("alert").inner_text()
 
 
@@ -141,16 +172,32 @@ def test_the_reader_chooses_who_acts_and_moves_a_cube_meanwhile(browser, folder)
         page.goto((folder / "policies.html").as_uri())
         place = pressed(page)
         who = place.get_by_label("who acts")
-        assert who.locator("option").count() >= 2
-        assert "this one picture" in place.inner_text()
-        who.select_option(label="PTAE as the paper trains it")
-        place.get_by_text("a new picture in each frame").wait_for()
+        assert who.locator("option").count() == 3
+        assert "a new picture in each frame" in place.inner_text()
         place.locator("summary").click()
         place.get_by_label("a hand moves").select_option(label="the right cube")
-        before = act(place, "push red slowly")
-        assert "the hand did is not counted" in before["text"]
+        moved = act(place, "push red slowly")
+        assert "In frame 15 a hand moved the right cube by 30 mm; that is" in moved["text"]
+        who.select_option(label="PTAE as the paper trains it")
         place.get_by_label("before frame").fill("100")
         assert "too late" in act(place, "push red fast")["text"]
+        who.select_option(label="the one-look policy")
+        place.get_by_text("this one picture").wait_for()
+
+
+def test_the_named_cube_is_snatched_away(browser, folder):
+    with opened(browser) as page:
+        page.add_init_script("let n = 0; Math.random = () => (n += 0.382) % 1;")
+        page.goto((folder / "policies.html").as_uri())
+        place = pressed(page)
+        told = act(place, "slide red slowly", "Act, and snatch the cube away")
+        far_mm = int(re.search(r"moved the (?:left|right) cube by (\d+) mm", told["text"])[1])
+        assert 20 <= far_mm <= 40 and told["success"] == "true"
+        assert "describes what it saw itself do" in told["text"]
+        assert len(told["described"].split()) == 3
+        place.get_by_label("sentence").fill("slide yellow slowly")
+        place.get_by_role("button", name="snatch").click()
+        assert "no yellow cube" in place.get_by_role("alert").inner_text()
 
 
 def test_without_webgl_the_eye_shows_what_happens(browser, folder):

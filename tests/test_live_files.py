@@ -84,10 +84,10 @@ def test_the_page_is_told_the_same_language():
 
 
 def test_a_model_is_offered_when_its_weights_are_stored(monkeypatch):
-    monkeypatch.setattr(models.artefacts, "manifest", lambda: {models.MORE["dagger"]: {}})
-    assert list(models.shipped()) == ["ptae", "policy", "dagger"]
+    monkeypatch.setattr(models.artefacts, "manifest", lambda: {models.MORE["watching"]: {}})
+    assert list(models.shipped()) == ["ptae", "policy", "watching"]
     offered = models.choices()
-    assert list(offered["policies"]) == ["policy", "ptae", "dagger"]
+    assert list(offered["policies"]) == ["watching", "policy", "ptae"]
     assert offered["labelled"] == {"ptae": 100}
     named = set(models.POLICIES) | set(models.LABELLED)
     assert named == set(models.FIRST) | set(models.MORE)

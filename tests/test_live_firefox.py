@@ -40,7 +40,9 @@ def folder(tmp_path_factory):
 
 
 def test_the_arm_acts_and_verdicts_are_pybullets(folder):
-    asked = live_physics.tasks(load_samples("recording"), "test")[::24]
+    samples = load_samples("recording")
+    asked = live_physics.tasks(samples, "test")[::24]
+    asked += live_physics.tasks(samples, "moved", live_physics.WATCHING)[::33]
     with firefox() as page:
         page.goto((folder / "index.html").as_uri())
         page.evaluate(f"({PRESS}, 0)")
@@ -48,7 +50,8 @@ def test_the_arm_acts_and_verdicts_are_pybullets(folder):
         made = page.evaluate(f"actAgain({json.dumps(asked)})")
         table = live_physics.compared(asked, made)
         assert table["success"].tolist() == table["success_stored"].tolist()
-        assert table["ms"].median() < 2000
+        assert table.loc[table["condition"] == "test", "ms"].median() < 2000
+        assert table.loc[table["condition"] == "moved", "ms"].median() < 5000
 
 
 def test_the_keyboard_is_enough_and_all_have_names(folder):
@@ -61,7 +64,7 @@ def test_the_keyboard_is_enough_and_all_have_names(folder):
         assert page.evaluate("document.activeElement.type") == "text"
         page.press(*"\b" * 30, *"slide green fast", "Enter")
         said = page.evaluate(ANSWERED)
-        assert "green" in said and "describes it" in said
+        assert "green" in said and "describes what it saw" in said
         assert page.evaluate(NAMELESS) == []
         page.size(390, 844)
         wide, screen = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")

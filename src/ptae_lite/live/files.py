@@ -28,15 +28,16 @@ APACHE = "safetensors"  # a Python package that carries the text of its licence,
 LICENCES = ("onnxruntime-web", "@mujoco/mujoco")
 
 
-def model(folder, name: str, path, short: bool = True) -> dict:
-    """Write a PTAE; returns what `packing.write` does."""
+def model(folder, name: str, path) -> dict:
+    """Write a PTAE or a policy that watches; returns what `packing.write` does."""
     trained = checkpoint.load(path)
-    parts = {key: export.graph(part, short)
-             for key, part in networks.parts_of(trained.model).items()}  # fmt: skip
+    unused = models.unused(name)
+    parts = {key: export.graph(part) for key, part in networks.parts_of(trained.model).items()
+             if key not in unused}  # fmt: skip
     scaling = {key: value.tolist() for key, value in vars(trained.scaling).items()}
-    config = trained.model.config
-    about = {"scaling": scaling, "freeze_video": config.freeze_video, "joints": config.joints,
-             "features": config.features}  # fmt: skip
+    watches = trained.model.kind == "watcher"
+    looks_once = not watches and trained.model.config.freeze_video
+    about = {"scaling": scaling, "freeze_video": looks_once, "watches": watches}
     return packing.write(folder, name, parts, about)
 
 

@@ -10,20 +10,17 @@ from ptae_lite import artefacts
 FIRST = {"ptae": "weights/ptae.safetensors",
          "policy": "weights/one_look_policy_seed0.safetensors"}  # fmt: skip
 MORE = {
-    "no_padding": "weights/ptae_no_padding_seed0.safetensors",
-    "watching": "weights/watching_policy_seed0.safetensors",
-    "dagger": "weights/dagger_seed0.safetensors",
+    "watching": "weights/watching_seed0.safetensors",
     "ptae_5": "weights/ptae_labelled_5_seed0.safetensors",
     "ptae_20": "weights/ptae_labelled_20_seed0.safetensors",
 }
 # What a reader calls the policies of chapter 06. The first acts where none is chosen.
 POLICIES = {
+    "watching": "the watching policy",
     "policy": "the one-look policy",
     "ptae": "PTAE as the paper trains it",
-    "no_padding": "PTAE, frozen video, no padding",
-    "watching": "the watching policy",
-    "dagger": "the watching policy after DAgger",
 }
+TO_ACT, TO_DESCRIBE = ("start", "step"), ("say",)  # parts of a PTAE, see `networks`
 LABELLED = {"ptae_5": 5, "ptae_20": 20, "ptae": 100}  # percent of the training clips
 
 
@@ -31,6 +28,12 @@ def shipped() -> dict[str, str]:
     """The packs of models in this site, and their weights."""
     stored = artefacts.manifest()
     return FIRST | {name: path for name, path in MORE.items() if path in stored}
+
+
+def unused(name: str) -> set[str]:
+    """The parts that the site does not need of a model."""
+    of = {TO_ACT: POLICIES, TO_DESCRIBE: LABELLED}
+    return {part for parts, where in of.items() if name not in where for part in parts}
 
 
 def choices() -> dict[str, dict]:

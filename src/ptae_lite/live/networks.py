@@ -1,7 +1,8 @@
 """The parts of a model that a page runs, each as a network of its own.
 
 A page calls them one after another, as `PTAE.forward` does: `encode` once, `say` once for the
-words, `start` once and `step` for each pose. All take and give a batch of one.
+words, `start` once and `step` for each pose. A policy that watches has `encode`, then `task` once
+and `follow` for each frame; at the end `encode` and `tell`. All take and give a batch of one.
 """
 
 from __future__ import annotations
@@ -15,7 +16,10 @@ from torch import Tensor, nn
 from ptae_lite.data.samples import MAX_FRAMES
 from ptae_lite.data.signals import TOKENS_IN, WORDS_OUT, Batch
 from ptae_lite.models.decoders import RecurrentDecoder
+from ptae_lite.models.hand_planner import Memory
 from ptae_lite.models.ptae import PTAE
+from ptae_lite.models.watching import KINDS, Watcher
+from ptae_lite.robot.closed_loop import LIMIT
 from ptae_lite.vision.autoencoder import ChannelSeparatedCAE
 
 
@@ -84,7 +88,12 @@ class Step(nn.Module):
         return pose, *(part for state in after for part in state)
 
 
-def parts_of(model: PTAE) -> dict[str, Part]:
+def parts_of(model: PTAE | Watcher) -> dict[str, Part]:
+    """The four parts of a PTAE, or of a policy that watches."""
+    return parts_of_watcher(model) if model.kind == "watcher" else parts_of_ptae(model)
+
+
+def parts_of_ptae(model: PTAE) -> dict[str, Part]:
     """The four parts of a PTAE."""
     c = model.config
     code, state = torch.zeros(1, c.hidden), torch.zeros(1, c.decoder_units)
@@ -103,6 +112,76 @@ def parts_of(model: PTAE) -> dict[str, Part]:
         "say": Part(Say(model), {"code": code}, ("words",)),
         "start": Part(Start(model.action), {"code": code}, tuple(names)),
         "step": Part(Step(model), seen | states, ("pose_after", *after)),
+    }
+
+
+class Task(nn.Module):
+    """A sentence, the first look and the code to the task, one of each, and the first memory.
+
+    How it is decided is the model's own business.
+    """
+
+    def __init__(self, model: Watcher):
+        super().__init__()
+        self.model = model
+
+    def forward(self, tokens, first, code):
+        plan, there = self.model.plan, self.model.config.ptae.features
+        numbers = self.model.task.decide(code)
+        place = self.model.read(numbers, first[:, None, :there])[:, 0]
+        states = [place.new_zeros(layer.num_layers, 1, layer.hidden_size)
+                  for layer in (plan.attend, plan.lstm, plan.lstm)]  # fmt: skip
+        return one_of_each(numbers), place, *states
+
+
+class Follow(nn.Module):
+    """A task, what is seen, where the hand is and the memory to a wish, in m, and the memory."""
+
+    def __init__(self, model: Watcher):
+        super().__init__()
+        self.model = model
+
+    def forward(self, task, seen, hand, place, attention, hidden, cell):
+        both = self.model.places(seen)
+        read = (both * task[:, : KINDS[0], None]).sum(1, keepdim=True)
+        memory = Memory(place, attention, (hidden, cell))
+        wish, _, after = self.model.plan(task, read, hand[:, None], memory)
+        return wish[:, 0], after.place_m, after.attention, *after.states
+
+
+class Tell(nn.Module):
+    """The code of what was watched and the number of frames to the words, (1, 4, 23)."""
+
+    def __init__(self, model: Watcher):
+        super().__init__()
+        self.model = model
+
+    def forward(self, code, count):
+        return self.model.tell(code, count)
+
+
+def one_of_each(numbers: Tensor) -> Tensor:
+    """`watching.one_of_each` in operations that a runtime has in a few kilobytes."""
+    parts = [torch.arange(kinds) == numbers[:, i, None] for i, kinds in enumerate(KINDS)]
+    return torch.cat([part.float() for part in parts], dim=1)
+
+
+def parts_of_watcher(model: Watcher) -> dict[str, Part]:
+    """The four parts of a policy that watches."""
+    encode = parts_of_ptae(model.ptae)["encode"]
+    encode.inputs["keys"] = torch.zeros(1, LIMIT, encode.inputs["keys"].shape[2])
+    encode.inputs["frames"] = torch.full((1,), LIMIT)
+    code, first = torch.zeros(1, model.config.ptae.hidden), encode.inputs["keys"][:, 0]
+    tokens, names = encode.inputs["tokens"], ("place", "attention", "hidden", "cell")
+    looked = {"tokens": tokens, "first": first, "code": code}
+    begun = dict(zip(("task", *names), Task(model)(*looked.values()), strict=True))
+    now = {"seen": first[:, : model.config.ptae.features], "hand": torch.zeros(1, 3)}
+    after = tuple(f"{name}_after" for name in names)
+    return {
+        "encode": encode,
+        "task": Part(Task(model), looked, tuple(begun)),
+        "follow": Part(Follow(model), {"task": begun.pop("task")} | now | begun, ("wish", *after)),
+        "tell": Part(Tell(model), {"code": code, "count": torch.ones(1)}, ("words",)),
     }
 
 

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ptae_lite.experiments.disturbances import MOVED_AT, MOVED_M
 from ptae_lite.language import SIDES
-from ptae_lite.robot import arm, closed_loop, inverse, motions, scene
+from ptae_lite.robot import arm, closed_loop, disturbances, inverse, motions, scene
 from ptae_lite.robot.mjcf import nico_mjcf
 
 
@@ -27,6 +28,18 @@ def constants() -> dict:
         "table_top_m": scene.TABLE_TOP_M,
         "cube_edge_m": scene.CUBE_EDGE_M,
         "table_m": table(),
+        "inverse": {
+            "rest_rad": inverse.REST_RAD.tolist(),
+            "posture_weight": inverse.POSTURE_WEIGHT,
+            "damping": inverse.DAMPING,
+            "steps": inverse.STEPS,
+            "largest_step_rad": inverse.LARGEST_STEP_RAD,
+            "tolerance_m": inverse.TOLERANCE_M,
+            "last_step_rad": inverse.LAST_STEP_RAD,
+            "near_enough_rad": inverse.NEAR_ENOUGH_RAD,
+            "near_damping": inverse.NEAR_DAMPING,
+            "places_on_the_way": inverse.PLACES_ON_THE_WAY,
+        },
         "rule": {
             "limit": closed_loop.LIMIT,
             "away_rad": closed_loop.AWAY_RAD,
@@ -38,6 +51,25 @@ def constants() -> dict:
             "direction": motions.DIRECTION,
             "done": closed_loop.DONE,
             "wrong": closed_loop.WRONG,
+        },
+        "stroke": {
+            "standoff_m": motions.STANDOFF_M,
+            "gap_m": motions.GAP_M,
+            "travel_m": sum(motions.TRAVEL_M) / 2,
+            "low_m": motions.LOW_HEIGHT_M,
+            "high_m": motions.HIGH_HEIGHT_M,
+        },
+        "snatch": {
+            "smallest_m": MOVED_M[0],
+            "largest_m": MOVED_M[1],
+            "at": MOVED_AT,
+            "middle_x_m": disturbances.MIDDLE_X_M,
+            "of_middle_m": disturbances.OF_MIDDLE_M,
+            "apart_m": disturbances.CUBES_APART_M,
+            "clear_m": disturbances.CLEAR_M,
+            "cube_radius_m": disturbances.CUBE_RADIUS_M,
+            "hand_radius_m": arm.HAND_RADIUS_M,
+            "tries": disturbances.TRIES,
         },
         "links": links(),
         "fingertip_m": arm.FINGERTIP_M,

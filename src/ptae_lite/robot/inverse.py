@@ -29,7 +29,8 @@ DAMPING = 0.3  # shortens the steps near full stretch, where they would swing ab
 STEPS = 60
 LARGEST_STEP_RAD = 0.25
 TOLERANCE_M = 1e-4
-NEAR_ENOUGH_RAD = 3e-4  # the last step of the search that starts from the angles now
+LAST_STEP_RAD = 1e-7  # of a search
+NEAR_ENOUGH_RAD = 3e-4  # the same of one that starts from the angles now
 NEAR_DAMPING = 0.03  # a search that starts near its end needs less
 PLACES_ON_THE_WAY = 32  # that are tried if a point is out of reach
 
@@ -106,7 +107,7 @@ def towards(
     return found[np.linalg.norm(arm.fingertip(found) - target_m, axis=1).argmin()]
 
 
-def _nearest(targets_m, q, near_enough_rad=1e-7, damping=DAMPING):
+def _nearest(targets_m, q, near_enough_rad=LAST_STEP_RAD, damping=DAMPING):
     """Angles (T, 5) found from the angles `q`, and by how much (T,) their fingertips miss."""
     frames, joints = len(targets_m), len(arm.JOINTS)
     free = np.ones_like(q)  # 0 for a joint at its limit: the other joints must do the motion

@@ -1,19 +1,21 @@
 // The front page and chapter 06: a sentence is typed, the arm looks and acts in physics, the cubes are
-// pushed; then PTAE says what it saw. In chapter 06 the reader chooses who acts.
+// pushed; then PTAE says what it saw. In chapter 06 the reader chooses who acts, and snatches the cube
+// away; a policy that watches says itself what it saw.
 "use strict";
 {
   const {element, choice, latest} = PtaeLive.form;
   const REST_MS = 3000; // a browser takes back meanwhile what the loading took
 
-  PtaeLive.parts.act = (room, show) => build(room, show, ["policy"]);
-  PtaeLive.parts.policies = (room, show) => build(room, show, Object.keys(PtaeLive.policies));
+  const LATER = "ptae"; // which describes
 
-  async function build(room, show, names) {
-    const later = "ptae"; // which describes
-    const loading = PtaeLive.load(PtaeLive.needs.act.filter(name => name !== later), show);
+  PtaeLive.parts.act = (room, show) => build(room, show, "act", ["policy"]);
+  PtaeLive.parts.policies = (room, show) => build(room, show, "policies", Object.keys(PtaeLive.policies));
+
+  async function build(room, show, part, names) {
+    const loading = PtaeLive.load(PtaeLive.packsOf(part).filter(name => name !== LATER), show);
     // each is opened as soon as its pack has come, so that no pack is kept for long
     const [robot, first, autoencoder, [book]] = await Promise.all([PtaeLive.Robot.open(),
-      PtaeLive.PTAE.open("policy"), PtaeLive.Autoencoder.open(), PtaeLive.load(["book"]), loading]);
+      PtaeLive.PTAE.open(names[0]), PtaeLive.Autoencoder.open(), PtaeLive.load(["book"]), loading]);
     const language = new PtaeLive.Language(book.about), clips = PtaeLive.clips(book);
 
     const scenes = scenesOf(robot, clips), at = Object.keys(scenes)[0];
@@ -26,11 +28,12 @@
     const who = choice("who acts", Object.fromEntries(names.map(name => [name, PtaeLive.policies[name]])), () => explain());
     who.row.hidden = names.length < 2;
     const button = element("button", {type: "submit"}, "Act");
+    const snatch = element("button", {type: "button", hidden: names.length < 2}, "Act, and snatch the cube away");
     const said = element("p", {"aria-live": "polite", class: "ptae-live-said"});
     const eye = element("canvas", {width: 160, height: 120, role: "img", "aria-label": "What the robot's eye sees before it acts", class: "ptae-live-eye"});
     const view = element("div"), note = element("p", {class: "ptae-live-note"});
     const form = element("form", {class: "ptae-live-controls"},
-      element("label", {}, "sentence ", text), list, who.row, cubes.row, element("label", {}, "scene ", number), button);
+      element("label", {}, "sentence ", text), list, who.row, cubes.row, element("label", {}, "scene ", number), button, snatch);
     places.row.append(...hand.rows);
     room.append(form, places.row, eye, said, view, note);
 
@@ -48,7 +51,7 @@
       number.value = at;
       return of[at - 1];
     };
-    const chosen = () => ({...recorded(), places_m: places.places_m, shift: hand.shift});
+    const chosen = () => ({...recorded(), places_m: places.places_m});
     const picture = () => {
       const setting = chosen();
       eye.getContext("2d").putImageData(robot.look(robot.about.home_rad, robot.placed(setting), setting.colours), 0, 0);
@@ -63,7 +66,9 @@
       said.setAttribute("role", "alert");
       said.textContent = problem;
     };
+    let snatched = false; // whether the button asked for it
     const act = latest(async () => {
+      const snatches = snatched;
       said.removeAttribute("role");
       let tokens;
       try {
@@ -77,6 +82,12 @@
         return;
       }
       const setting = chosen(), meaning = language.meaning(text.value.toLowerCase());
+      const named = setting.colours.indexOf(meaning[1]);
+      setting.shift = !snatches ? hand.shift(named) : named < 0 ? null : PtaeLive.snatch(robot, setting, meaning[0], named);
+      if (snatches && !setting.shift) {
+        alert(named < 0 ? `There is no ${meaning[1]} cube to snatch away.` : "There is no room to move that cube to.");
+        return;
+      }
       picture();
       said.textContent = "The arm acts …";
       let policy;
@@ -89,8 +100,7 @@
       const episode = await robot.act(policy, language, tokens, setting, autoencoder);
       const told = robot.told(episode, meaning, setting.colours);
       said.textContent = told.text;
-      if (setting.shift) said.append(setting.shift.frame < episode.joints_rad.length
-        ? " What the hand did is not counted." : " The hand came too late.");
+      if (setting.shift) said.append(moved(setting.shift, episode.event, robot.about.sides));
       said.dataset.success = told.success;
       view.replaceChildren(await PtaeLive.stage(robot.about, episode, setting.colours,
         `The arm executes: ${text.value}`, `Left cube, as the robot sees it: ${setting.colours[0]}. Right cube: ${setting.colours[1]}.`));
@@ -98,19 +108,27 @@
       try {
         await describe(episode, setting.colours);
       } catch (problem) {
-        said.append(element("br"), `PTAE cannot describe it here: ${problem.message}.`);
+        said.append(element("br"), `It cannot be described here: ${problem.message}.`);
       }
     });
     const describe = async (episode, colours) => {
-      const ptae = await PtaeLive.PTAE.open(later), clip = ptae.scaling.clip(await robot.clip(episode, colours, autoencoder));
-      const {told} = await ptae.answer(PtaeLive.batch(language, "describe", clip, null), {motion: false});
-      const words = language.decode(PtaeLive.best(told));
+      const words = language.decode(PtaeLive.best(await (episode.describe?.() ?? watched(episode, colours))));
       said.dataset.described = words;
-      said.append(element("br"), "PTAE, which watched, describes it: ", element("b", {}, words), ".");
+      said.append(element("br"), episode.describe ? "It describes what it saw itself do: " : "PTAE, which watched, describes it: ",
+        element("b", {}, words), ".");
       room.dataset.answered = Number(room.dataset.answered ?? 0) + 1;
+    };
+    const watched = async (episode, colours) => {
+      const ptae = await PtaeLive.PTAE.open(LATER), clip = ptae.scaling.clip(await robot.clip(episode, colours, autoencoder));
+      return (await ptae.answer(PtaeLive.batch(language, "describe", clip, null), {motion: false})).told;
     };
     form.onsubmit = event => {
       event.preventDefault();
+      snatched = false;
+      act();
+    };
+    snatch.onclick = () => {
+      snatched = true;
       act();
     };
     text.value = `push ${scenes[at][0].colours[0]} slowly`;
@@ -118,28 +136,29 @@
     explain();
     // what comes next is made ready while the reader types; if that fails, the answer says so
     Object.values(first.networks).forEach(one => one.open().catch(() => {}));
-    setTimeout(() => PtaeLive.PTAE.open(later).catch(() => {}), REST_MS);
+    if (!first.about.watches) setTimeout(() => PtaeLive.PTAE.open(LATER).catch(() => {}), REST_MS);
   };
 
   // Sliders that put the cubes anywhere on the table.
   function placing(robot, changed) {
     const {sides, table_m: {low, high}, cube_edge_m: edge} = robot.about, sliders = [];
     const names = ["away from the robot", "to the robot's left"];
-    const row = element("details", {}, element("summary", {}, "Put the cubes elsewhere"));
+    const row = element("details", {}, element("summary", {}, "Put the cubes elsewhere, at first or meanwhile"));
     sides.forEach((side, cube) => names.forEach((name, i) => {
       const slider = element("input", {type: "range", step: 1, min: Math.ceil(1000 * (low[i] + edge / 2)), max: Math.floor(1000 * (high[i] - edge / 2))});
       const told = element("output", {});
-      slider.oninput = () => { told.value = ` ${slider.value} mm`; changed(); };
+      const tell = () => slider.setAttribute("aria-valuetext", told.value = ` ${slider.value} mm`);
+      slider.oninput = () => { tell(); changed(); };
       row.append(element("label", {class: "ptae-live-place"}, `${side} cube, ${name} `, slider, told));
-      sliders.push({slider, told});
+      sliders.push({slider, tell});
     }));
     return {
       row,
       get places_m() { return sides.map((_, cube) => [0, 1].map(i => sliders[2 * cube + i].slider.valueAsNumber / 1000)); },
       set places_m(places) {
-        sliders.forEach(({slider, told}, k) => {
+        sliders.forEach(({slider, tell}, k) => {
           slider.value = 1000 * places[k >> 1][k & 1];
-          told.value = ` ${slider.value} mm`;
+          tell();
         });
       },
       get overlap() {
@@ -152,7 +171,7 @@
   // A hand that moves a cube while the arm acts: which one, when, and how far.
   function shifting({about: {sides, rule}}) {
     const which = choice("while the arm acts, a hand moves", Object.fromEntries(
-      [["none", "no cube"], ...sides.map(side => [side, `the ${side} cube`])]), () => show());
+      [["none", "no cube"], ["named", "the named cube"], ...sides.map(side => [side, `the ${side} cube`])]), () => show());
     const slide = (name, unit, range) => {
       const slider = element("input", {type: "range", autocomplete: "off", ...range}), shown = element("output");
       slider.oninput = () => show();
@@ -169,12 +188,21 @@
     show();
     return {
       rows: [which.row, ...sliders.map(({row}) => row)],
-      get shift() {
-        if (which.control.value === "none") return null;
+      // named: the number of the named cube, below 0 if it is not there
+      shift(named) {
+        const of = which.control.value, moved = of === "named" ? named : sides.indexOf(of);
+        if (moved < 0) return null;
         const [frame, ...by_mm] = sliders.map(({slider}) => slider.valueAsNumber);
-        return {side: sides.indexOf(which.control.value), frame, by_m: by_mm.map(mm => mm / 1000)};
+        return {frame, by_m: sides.map((_, side) => side === moved ? by_mm.map(mm => mm / 1000) : [0, 0])};
       },
     };
+  }
+
+  // What the hand did, as a sentence.
+  function moved({by_m}, event, sides) {
+    if (event < 0) return " The hand came too late to move a cube.";
+    const far_mm = by_m.map(([x, y]) => 1000 * Math.hypot(x, y)), side = far_mm.indexOf(Math.max(...far_mm));
+    return ` In frame ${event} a hand moved the ${sides[side]} cube by ${far_mm[side].toFixed(0)} mm; that is not counted.`;
   }
 
   const capital = words => words[0].toUpperCase() + words.slice(1);

@@ -2,21 +2,25 @@
 "use strict";
 var PtaeLive = globalThis.PtaeLive ||= {};
 
-// setting: places_m and yaws_rad of the cubes; perhaps shift: {frame, side, by_m}, a hand that moves
-// a cube before that frame. What it does is no part of how far a cube went: `start` goes along.
+// setting: places_m and yaws_rad of the cubes; perhaps shift: {frame, away_m, by_m}, a hand that moves
+// the cubes: not before that frame, and not before the fingertips are so far from where they are at
+// home. `event` is the frame in which it does. That is no part of how far a cube went: `start` goes along.
 // An episode: act({joints_rad, cubes, frame}) gives the next target of the joints, or a promise of it.
 // It ends when the arm has left home, has come back and has rested there, or after `limit` frames.
 PtaeLive.perform = async (world, setting, act) => {
   const {rule, home_rad, lower_rad, upper_rad} = world.scene, slack = 1e-9;
-  const episode = {joints_rad: [], cubes: [], touched: [[false, false]], stopped: "limit"};
+  const episode = {joints_rad: [], cubes: [], touched: [[false, false]], stopped: "limit", event: -1};
+  const {frame: soonest = 0, away_m = 0, by_m} = setting.shift ?? {}, {inverse} = world;
   let rest = 0, left = false;
   world.reset(setting);
   episode.start = world.cubes();
   for (let frame = 0; frame < rule.limit; frame++) {
-    if (setting.shift?.frame === frame) {
-      const {side, by_m} = setting.shift;
-      world.shift(side, by_m);
-      by_m.forEach((far, xy) => { episode.start[side][xy] += far; });
+    if (by_m && episode.event < 0 && frame >= soonest && inverse.away_m(world.joints_rad()) >= away_m) {
+      episode.event = frame;
+      by_m.forEach((far, side) => {
+        if (far[0] || far[1]) world.shift(side, far);
+        far.forEach((way, xy) => { episode.start[side][xy] += way; });
+      });
     }
     const joints_rad = world.joints_rad(), cubes = world.cubes();
     episode.joints_rad.push(joints_rad);

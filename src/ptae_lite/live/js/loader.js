@@ -11,13 +11,13 @@ window.PtaeLive = {
     transformer: ["ort", "book", "ptae", "autoencoder"],
     conflict: ["ort", "book", "scene", "ptae"],
     act: ["ort", "autoencoder", "mujoco", "scene", "book", "policy", "ptae"],
-    policies: ["ort", "autoencoder", "mujoco", "scene", "book", "policy", "ptae"],
-    labels: ["ort", "book"], // and the models of `labelled`, from packs.js
+    policies: ["ort", "autoencoder", "mujoco", "scene", "book"], // and the first of `policies`
+    labels: ["ort", "book"], // and the models of `labelled`
   },
-  scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "autoencoder", "form",
+  scripts: ["unpack", "runtime", "language", "clips", "signals", "ptae", "watcher", "autoencoder", "form",
     "figures", "arms", "vision_part", "transformer_part", "conflict_part", "labels_part",
-    "kinematics", "physics", "acting", "camera", "policy",
-    "robot", "stage", "act_part"],
+    "kinematics", "inverse", "physics", "acting", "camera", "policy",
+    "robot", "snatch", "stage", "act_part"],
 };
 
 // A classic script: a page in a folder may fetch nothing.
@@ -34,7 +34,10 @@ PtaeLive.script = name => PtaeLive.script[name] ??= new Promise((done, failed) =
 });
 
 // The packs that a part loads at once.
-PtaeLive.packsOf = part => [...PtaeLive.needs[part], ...(part === "labels" ? Object.keys(PtaeLive.labelled) : [])];
+PtaeLive.packsOf = part => {
+  const models = {labels: Object.keys(PtaeLive.labelled), policies: Object.keys(PtaeLive.policies).slice(0, 1)};
+  return [...PtaeLive.needs[part], ...(models[part] ?? [])];
+};
 
 // Why models cannot run here; nothing if they can.
 PtaeLive.lacking = () => {

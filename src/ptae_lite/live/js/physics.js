@@ -17,6 +17,7 @@ PtaeLive.World = class {
   constructor(mujoco, scene) {
     this.mujoco = mujoco;
     this.scene = scene;
+    this.inverse = new PtaeLive.Inverse(scene);
     this.model = mujoco.MjModel.from_xml_string(scene.mjcf);
     this.data = new mujoco.MjData(this.model);
     this.inertia = new mujoco.DoubleBuffer(this.model.nv ** 2);

@@ -26,3 +26,20 @@ PtaeLive.policy = (model, language, tokens, look) => {
     return model.scaling.jointsBack(after.pose);
   };
 };
+
+// A policy that watches: it understands the sentence once, and looks in each frame. inverse: of the arm.
+// Afterwards it can describe what it saw itself do.
+PtaeLive.watching = (model, language, tokens, look, inverse) => {
+  const seen = [], felt = [];
+  let state;
+  const act = async ({joints_rad, cubes}) => {
+    seen.push(model.scaling.features(await look(joints_rad, cubes)));
+    felt.push(model.scaling.joints(joints_rad));
+    state ??= await model.listen([language.token("execute"), ...tokens], seen[0], felt[0]);
+    let wish_m;
+    ({wish_m, state} = await model.follow(state, seen.at(-1), inverse.fingertip(joints_rad)));
+    return inverse.towards(wish_m, joints_rad);
+  };
+  act.describe = () => model.describe(language, seen, felt);
+  return act;
+};

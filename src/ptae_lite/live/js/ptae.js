@@ -8,7 +8,7 @@ PtaeLive.PTAE = class {
   static async start(name) {
     const [pack] = await PtaeLive.load([name]), networks = PtaeLive.networks(pack);
     await networks.encode.open(); // starts the runtime, while other packs are unpacked
-    return new PtaeLive.PTAE(networks, pack.about);
+    return new (pack.about.watches ? PtaeLive.Watcher : PtaeLive.PTAE)(networks, pack.about);
   }
   constructor(networks, about) {
     this.networks = networks;
@@ -28,7 +28,9 @@ PtaeLive.PTAE = class {
   }
   // The probabilities of the words at each of four steps.
   async say(code) {
-    const {words} = await this.networks.say.run({code});
+    return this.probabilities(await this.networks.say.run({code}));
+  }
+  probabilities({words}) {
     const size = words.dims[2];
     return Array.from({length: words.dims[1]}, (_, i) =>
       Float64Array.from(words.data.subarray(size * i, size * (i + 1)), Math.exp));

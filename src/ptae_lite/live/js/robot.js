@@ -40,9 +40,13 @@ PtaeLive.Robot = class {
   }
 
   // Acts a sentence; of tokens null, none. setting: colours, places_m, yaws_rad, perhaps shift.
-  act(policy, language, tokens, setting, autoencoder) {
+  // Where the policy can describe its own act, the episode has `describe`.
+  async act(policy, language, tokens, setting, autoencoder) {
     const look = (joints_rad, cubes) => this.see(joints_rad, cubes, setting.colours, autoencoder);
-    return PtaeLive.perform(this.world, setting, PtaeLive.policy(policy, language, tokens, look));
+    const make = policy.about.watches ? PtaeLive.watching : PtaeLive.policy;
+    const act = make(policy, language, tokens, look, this.world.inverse);
+    const episode = await PtaeLive.perform(this.world, setting, act);
+    return {...episode, describe: act.describe};
   }
 
   // The clip that an episode is for a model that describes: what the eye saw in each frame. The last
