@@ -128,7 +128,8 @@ def watched(samples, test, sentences):
         with torch.no_grad():
             keys = torch.stack([torch.cat(pair, 1) for pair in actor._seen()], dim=1)
             clock = torch.tensor([float(frames)])
-            words.append(trained.model.tell(trained.model.watch(keys), clock)[0].exp().numpy())
+            scores = trained.model.tell(trained.model.watch(keys), clock, actor.looks[0])
+            words.append(scores[0].exp().numpy())
         rows.append({"clip": k, "other": int(np.flatnonzero(test == other)[0]), "frames": frames,
                      "jump": JUMP, "said": actor.describe()})  # fmt: skip
     return rows, {"joints": np.concatenate(joints), "words": np.stack(words)}

@@ -160,8 +160,8 @@ def test_a_blind_one_sees_the_first_image_only_and_does_not_feel_its_hand(shown)
 def test_it_learns_eight_clips(learned, shown):
     model = learned.model
     with torch.no_grad():
-        decided = [model.understand(queries(one), shown.features[:, 0])
-                   for one in shown.sentences.unbind(1)]  # fmt: skip
+        asked = [model.code_of_sentence(queries(one)) for one in shown.sentences.unbind(1)]
+        decided = [model.understand(code, shown.features[:, 0]) for code in asked]
         read = model.read(shown.task, shown.features)
         wish, kept, _ = model.follow(shown.task, read, shown.hand_m)
     assert all((one == shown.task).all() for one in decided)
@@ -214,11 +214,12 @@ def test_it_says_no_colour_that_it_does_not_see(teller):
 
 def test_the_side_is_where_the_named_colour_is_more_probable(learned, shown):
     """Colours decide, not the pairs of the training: the same sentence, the cubes exchanged."""
-    model, tokens = learned.model, queries(shown.sentences[:, 0])
+    model = learned.model
     with torch.no_grad():
+        code = model.code_of_sentence(queries(shown.sentences[:, 0]))
         seen = model.colours(shown.features[:, 0])
         model.colours.forward = lambda first: seen.flip(1)
-        other = model.understand(tokens, shown.features[:, 0])
+        other = model.understand(code, shown.features[:, 0])
         del model.colours.forward
     assert (other[:, 0] == 1 - shown.task[:, 0]).all()
     assert (other[:, 1:] == shown.task[:, 1:]).all()

@@ -63,7 +63,7 @@ class WatchingActor:
         self.poses.append(_row(scaling.joints(joints_rad)))
         first = self.looks[0]
         if len(self.poses) == 1:
-            self.numbers = model.understand(self.tokens, first)
+            self.numbers = model.understand(model.code_of_sentence(self.tokens), first)
         now = first if self.frozen else self.looks[-1]
         hand = kinematics.fingertip(_row(joints_rad))
         read = model.read(self.numbers, now[:, None])

@@ -56,8 +56,8 @@ def describes(trained: Trained, data: Prepared, pattern) -> float:
 def executed(trained: Trained, data: Prepared, alternative) -> Float[np.ndarray, "M 99 5"]:
     """The joints that the policy answers at each frame of recorded clips, in radians."""
     model, clip = trained.model, torch.arange(len(data.task))
-    tokens = queries(data.sentences[clip, alternative])
-    task = model.understand(tokens, data.features[:, 0])
+    asked = model.code_of_sentence(queries(data.sentences[clip, alternative]))
+    task = model.understand(asked, data.features[:, 0])
     read = model.read(task, data.features)
     wish, _, _ = model.follow(task, read, data.hand_m)
     joints = trained.scaling.joints_back(data.keys[:, :, data.features.shape[2] :].numpy())

@@ -116,19 +116,16 @@ def parts_of_ptae(model: PTAE) -> dict[str, Part]:
 
 
 class Task(nn.Module):
-    """A sentence, the first look and the code to the task, one of each, and the first memory.
-
-    How it is decided is the model's own business.
-    """
+    """The code of a sentence and the first look to the task, one of each, and the first memory."""
 
     def __init__(self, model: Watcher):
         super().__init__()
         self.model = model
 
-    def forward(self, tokens, first, code):
-        plan, there = self.model.plan, self.model.config.ptae.features
-        numbers = self.model.task.decide(code)
-        place = self.model.read(numbers, first[:, None, :there])[:, 0]
+    def forward(self, code, first):
+        plan = self.model.plan
+        numbers = self.model.understand(code, first)
+        place = self.model.read(numbers, first[:, None])[:, 0]
         states = [place.new_zeros(layer.num_layers, 1, layer.hidden_size)
                   for layer in (plan.attend, plan.lstm, plan.lstm)]  # fmt: skip
         return one_of_each(numbers), place, *states
@@ -150,14 +147,14 @@ class Follow(nn.Module):
 
 
 class Tell(nn.Module):
-    """The code of what was watched and the number of frames to the words, (1, 4, 23)."""
+    """The code of what was watched, the number of frames and the first look to the words."""
 
     def __init__(self, model: Watcher):
         super().__init__()
         self.model = model
 
-    def forward(self, code, count):
-        return self.model.tell(code, count)
+    def forward(self, code, first, count):
+        return self.model.tell(code, count, first)
 
 
 def one_of_each(numbers: Tensor) -> Tensor:
@@ -171,17 +168,17 @@ def parts_of_watcher(model: Watcher) -> dict[str, Part]:
     encode = parts_of_ptae(model.ptae)["encode"]
     encode.inputs["keys"] = torch.zeros(1, LIMIT, encode.inputs["keys"].shape[2])
     encode.inputs["frames"] = torch.full((1,), LIMIT)
-    code, first = torch.zeros(1, model.config.ptae.hidden), encode.inputs["keys"][:, 0]
-    tokens, names = encode.inputs["tokens"], ("place", "attention", "hidden", "cell")
-    looked = {"tokens": tokens, "first": first, "code": code}
+    p, names = model.config.ptae, ("place", "attention", "hidden", "cell")
+    code, seen = torch.zeros(1, p.hidden), torch.zeros(1, p.features)
+    looked = {"code": code, "first": seen}
     begun = dict(zip(("task", *names), Task(model)(*looked.values()), strict=True))
-    now = {"seen": first[:, : model.config.ptae.features], "hand": torch.zeros(1, 3)}
+    now = {"seen": seen, "hand": torch.zeros(1, 3)}
     after = tuple(f"{name}_after" for name in names)
     return {
         "encode": encode,
         "task": Part(Task(model), looked, tuple(begun)),
         "follow": Part(Follow(model), {"task": begun.pop("task")} | now | begun, ("wish", *after)),
-        "tell": Part(Tell(model), {"code": code, "count": torch.ones(1)}, ("words",)),
+        "tell": Part(Tell(model), looked | {"count": torch.ones(1)}, ("words",)),
     }
 
 

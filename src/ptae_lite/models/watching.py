@@ -182,17 +182,17 @@ class Watcher(nn.Module):
         return self.code(tokens, torch.ones_like(tokens) > 0, nothing)
 
     def understand(
-        self, tokens: Int[Tensor, "B 6"], first: Float[Tensor, "B F"]
+        self, code: Float[Tensor, "B H"], first: Float[Tensor, "B F"]
     ) -> Int[Tensor, "B 3"]:
         """What is to be done: side, action and speed, as numbers.
 
         Args:
+            code: from `code_of_sentence`.
             first: features of the first image. The named cube is the one that more probably has
                 the colour that the sentence says.
         """
-        scores = self.meaning(self.code_of_sentence(tokens))
-        action, colour, speed = (one.argmax(1) for one in scores)
-        side = self.colours(first)[torch.arange(len(tokens)), :, colour].argmax(1)
+        action, colour, speed = (scores.argmax(1) for scores in self.meaning(code))
+        side = self.colours(first)[torch.arange(len(code)), :, colour].argmax(1)
         return torch.stack([side, action, speed], dim=1)
 
     def watch(self, keys: Float[Tensor, "B T K"]) -> Float[Tensor, "B H"]:
@@ -204,10 +204,10 @@ class Watcher(nn.Module):
     def tell(
         self, code: Float[Tensor, "B H"], frames: Float[Tensor, " B"], first: Float[Tensor, "B F"]
     ) -> Float[Tensor, "B 4 V"]:
-        """Scores of the words that describe clips: what the PTAE says of the changed code.
+        """Log-probabilities of the words that describe clips: what the PTAE says of the changed code.
 
-        A colour must also be that of the moved cube in the first image: the scores of its words are
-        the sum of both log-probabilities.
+        A colour must also be that of the moved cube in the first image: both probabilities of its
+        words are multiplied.
 
         Args:
             code: from `watch`.
@@ -221,7 +221,7 @@ class Watcher(nn.Module):
         more[:, COLOUR_WORD] = UNSEEN
         for which in zip(*COLOUR_INDEX, strict=True):
             more[:, COLOUR_WORD, list(which)] = seen
-        return words + more
+        return (words + more).log_softmax(2)
 
     def read(
         self, task: Int[Tensor, "B 3"], video: Float[Tensor, "B T F"]

@@ -35,7 +35,7 @@ PtaeLive.watching = (model, language, tokens, look, inverse) => {
   const act = async ({joints_rad, cubes}) => {
     seen.push(model.scaling.features(await look(joints_rad, cubes)));
     felt.push(model.scaling.joints(joints_rad));
-    state ??= await model.listen([language.token("execute"), ...tokens], seen[0], felt[0]);
+    state ??= await model.listen([language.token("execute"), ...tokens], seen[0]);
     let wish_m;
     ({wish_m, state} = await model.follow(state, seen.at(-1), inverse.fingertip(joints_rad)));
     return inverse.towards(wish_m, joints_rad);

@@ -2,11 +2,11 @@
 "use strict";
 PtaeLive.Watcher = class extends PtaeLive.PTAE {
   // What a sentence asks for at the first look, and the memory to begin with. Tokens with their signal.
-  async listen(tokens, seen, pose) {
-    const first = Float32Array.of(...seen, ...pose), keys = Float32Array.of(...first, ...first);
+  async listen(tokens, seen) {
     tokens = BigInt64Array.from(tokens, BigInt);
+    const keys = new Float32Array(2 * 35); // the sentence alone: empty frames
     const {code} = await this.encode({tokens, mask: new Uint8Array(6).fill(1), keys, frames: 2, query: 6});
-    return this.networks.task.run({tokens: [tokens, 1, 6], first: [first, 1, 35], code});
+    return this.networks.task.run({code, first: [seen, 1, 30]});
   }
   // Where the hand is to be in the next frame, in metres, and the memory. state: from `listen` or the frame before.
   async follow({task, ...memory}, seen, hand_m) {
@@ -24,6 +24,6 @@ PtaeLive.Watcher = class extends PtaeLive.PTAE {
     });
     const {code} = await this.encode({tokens: BigInt64Array.from([language.token("describe"), 0, 0, 0, 0, 0], BigInt),
       mask: Uint8Array.of(1, 1, 0, 0, 0, 0), keys, frames: count, query: 2});
-    return this.probabilities(await this.networks.tell.run({code, count: [Float32Array.of(count), 1]}));
+    return this.probabilities(await this.networks.tell.run({code, first: [seen[0], 1, 30], count: [Float32Array.of(count), 1]}));
   }
 };
