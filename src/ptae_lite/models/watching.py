@@ -204,7 +204,7 @@ class Watcher(nn.Module):
     def tell(
         self, code: Float[Tensor, "B H"], frames: Float[Tensor, " B"], first: Float[Tensor, "B F"]
     ) -> Float[Tensor, "B 4 V"]:
-        """Log-probabilities of the words that describe clips: what the PTAE says of the changed code.
+        """Log-probabilities of the words that describe clips, from the changed code.
 
         A colour must also be that of the moved cube in the first image: both probabilities of its
         words are multiplied.
