@@ -115,7 +115,7 @@ def parts_of_ptae(model: PTAE) -> dict[str, Part]:
     }
 
 
-class Task(nn.Module):
+class ReadTask(nn.Module):
     """A sentence, the first look and the code to the task, one of each, and the first memory.
 
     How it is decided is the model's own business.
@@ -174,12 +174,12 @@ def parts_of_watcher(model: Watcher) -> dict[str, Part]:
     code, first = torch.zeros(1, model.config.ptae.hidden), encode.inputs["keys"][:, 0]
     tokens, names = encode.inputs["tokens"], ("place", "attention", "hidden", "cell")
     looked = {"tokens": tokens, "first": first, "code": code}
-    begun = dict(zip(("task", *names), Task(model)(*looked.values()), strict=True))
+    begun = dict(zip(("task", *names), ReadTask(model)(*looked.values()), strict=True))
     now = {"seen": first[:, : model.config.ptae.features], "hand": torch.zeros(1, 3)}
     after = tuple(f"{name}_after" for name in names)
     return {
         "encode": encode,
-        "task": Part(Task(model), looked, tuple(begun)),
+        "task": Part(ReadTask(model), looked, tuple(begun)),
         "follow": Part(Follow(model), {"task": begun.pop("task")} | now | begun, ("wish", *after)),
         "tell": Part(Tell(model), {"code": code, "count": torch.ones(1)}, ("words",)),
     }
