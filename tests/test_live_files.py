@@ -8,14 +8,17 @@ import matplotlib.pyplot as plt
 import numpy as np
 import onnx
 import pytest
+import torch
 from letters import bytes_of
 from onnx import TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
 from ptae_lite.data.signals import WIRING
 from ptae_lite.errors import PTAEError
-from ptae_lite.language import TOKENS, parse
-from ptae_lite.live import clips, export, live_part, models, packing, scripts
+from ptae_lite.language import TOKENS, parse, signal_index
+from ptae_lite.live import clips, export, live_part, models, networks, packing, scripts
+from ptae_lite.models import watching
+from ptae_lite.models.watching import Watcher
 from ptae_lite.widgets.panels import Panel
 
 JS = Path(scripts.__file__).parent / "js"
@@ -137,6 +140,31 @@ def test_weights_of_16_bits_come_back_row_by_row():
     (back,) = ReferenceEvaluator(made).run(None, {"row": row})
     level = np.abs(weights).max(1, keepdims=True) / export.LEVELS
     assert (np.abs(back - weights) <= 0.51 * level).all()
+
+
+# ---------------------------------------------------------------- a policy that watches
+
+
+@pytest.mark.parametrize("forgets", [False, True])
+@torch.no_grad()
+def test_its_parts_one_after_another_are_the_policy(forgets):
+    torch.manual_seed(0)
+    model = Watcher().eval()
+    parts = {name: part.network for name, part in networks.parts_of(model).items()}
+    frames, tokens = 6, torch.tensor([[signal_index("execute"), 0, 1, 9, 13, 0]])
+    keys, hand = torch.randn(1, frames, 35), 0.3 + 0.1 * torch.randn(1, frames, 3)
+    code, look = model.code_of_sentence(tokens), keys[:, 0, :30]
+    task, *memory = parts["task"](code, look)
+    first, wishes = memory, []
+    for t in range(frames):
+        wish, *memory = parts["follow"](task, keys[:, t, :30], hand[:, t], *memory)
+        wishes.append(wish)
+        memory = first if forgets else memory
+    numbers = model.understand(code, look)
+    expected, *_ = model.follow(numbers, model.read(numbers, keys[..., :30]), hand)
+    np.testing.assert_array_equal(task, watching.one_of_each(numbers))
+    same = (torch.stack(wishes, 1) - expected).abs().max() < 1e-6
+    assert same != forgets
 
 
 # ---------------------------------------------------------------- clips

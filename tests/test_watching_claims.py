@@ -19,7 +19,8 @@ from ptae_lite.watching_actor import WatchingActor
 
 LITTLE = "the cube went too little that way"
 AMOUNTS = ["recorded_only", "eighth", "watching"]
-LEVELS = {"test": 95, "moved": 75, "pushed": 90, "displaced": 90, "swapped_speed": 98}
+LEVELS = {"test": 95, "moved": 75, "pushed": 90, "displaced": 90, "new_family": 90,
+          "swapped_speed": 98}  # fmt: skip
 SEEDS = (0, 1, 2)
 
 
@@ -91,14 +92,13 @@ def test_a_first_random_move_mostly_is_no_test(drawn):
     assert 0.5 < 1 - first.mean() < 0.9
 
 
-def test_every_training_reaches_the_levels_but_for_pairs_of_new_families(rates):
+def test_every_training_reaches_the_levels(rates):
     watching, blind = (rates.xs(name, level="model") for name in ("watching", "one_look_policy"))
     for condition, level in LEVELS.items():
         assert watching[condition].min() >= level, condition
     assert (watching["moved"] >= blind["moved"] + 45).all()
     assert (watching["test"] >= blind["test"] - 3).all()
-    families = watching["new_family"]  # short of 90 with two trainings of three
-    assert 80 < families.min() < 90 and (families > blind["new_family"]).all()
+    assert (watching["new_family"] > blind["new_family"]).all()
 
 
 def test_the_swapped_speed_word_is_obeyed(table):
@@ -148,13 +148,13 @@ def test_places_of_moved_cubes_are_read_but_not_linearly():
 def test_the_policy_describes_rightly_what_it_has_done(table):
     mine = table[(table["model"] == "watching") & (table["success"] == 1)]
     right = watching_shown.told_rightly(mine).groupby([mine["condition"], mine["seed"]]).mean()
-    assert right["test"].median() >= 0.98 and right["test"].min() > 0.97
+    assert right["test"].min() >= 0.98
     middle = right.groupby("condition").median()
     assert middle[["pushed", "swapped_speed"]].min() > 0.95
-    assert middle["new_family"] < middle["moved"] < middle["displaced"] < middle["test"]
-    slow = mine[(mine["speed"] == "slowly") & (mine["condition"] == "test")]
-    told = slow["described"].str.split().str[-1]
-    assert told.isin(["slowly", "unhurriedly"]).mean() > 0.95
+    assert middle["new_family"] < middle["moved"] < middle["test"]
+    for speed, words in (("slowly", ["slowly", "unhurriedly"]), ("fast", ["fast", "quickly"])):
+        told = mine[mine["speed"] == speed]["described"].str.split().str[-1]
+        assert told.isin(words).mean() > 0.99
 
 
 def test_the_joint_error_is_the_same_for_policies_that_succeed_and_fail(controls):
@@ -185,21 +185,19 @@ def test_where_a_cube_was_moved_the_action_is_told_wrongly_and_never_the_speed(t
     assert sum(a.action != b.action for a, b in said) > 0.6 * len(said)
 
 
-def test_in_new_families_the_side_is_misread_at_the_first_look(simulator, table):
+def test_in_new_families_the_first_look_finds_the_named_cube(simulator, table):
+    """PTAE never saw these pairs of colours; each colour by itself is known."""
     samples = load_samples("recording")
     encoder = vision.load_autoencoder(artefacts.stored("weights/cae.safetensors"))
     trained = checkpoint.load(artefacts.stored("weights/watching_seed0.safetensors"))
     rows = table[(table["model"] == "watching") & (table["condition"] == "new_family")]
-    failed = rows[rows["success"] == 0]
-    assert (failed["reason"] == "the other cube was moved").mean() > 0.9
     done = rows[rows["seed"] == 0]["success"]
     for task, well in zip(tasks_of(samples, "new_family"), done, strict=True):
-        if not well:
-            with Scene(*task.stage) as world:
-                actor = WatchingActor(trained, encoder, task.instruction)
-                actor(world.image, world.joints_rad())
-            assert actor.task[0] != task.asked.side
-            assert actor.task[1:] == (task.asked.action, task.asked.speed)
+        with Scene(*task.stage) as world:
+            actor = WatchingActor(trained, encoder, task.instruction)
+            actor(world.image, world.joints_rad())
+        found = actor.task == (task.asked.side, task.asked.action, task.asked.speed)
+        assert found or not well
 
 
 def test_beyond_the_test_only_the_light_harms(table):

@@ -115,7 +115,7 @@ def parts_of_ptae(model: PTAE) -> dict[str, Part]:
     }
 
 
-class Task(nn.Module):
+class ReadTask(nn.Module):
     """The code of a sentence and the first look to the task, one of each, and the first memory."""
 
     def __init__(self, model: Watcher):
@@ -171,12 +171,12 @@ def parts_of_watcher(model: Watcher) -> dict[str, Part]:
     p, names = model.config.ptae, ("place", "attention", "hidden", "cell")
     code, seen = torch.zeros(1, p.hidden), torch.zeros(1, p.features)
     looked = {"code": code, "first": seen}
-    begun = dict(zip(("task", *names), Task(model)(*looked.values()), strict=True))
+    begun = dict(zip(("task", *names), ReadTask(model)(*looked.values()), strict=True))
     now = {"seen": seen, "hand": torch.zeros(1, 3)}
     after = tuple(f"{name}_after" for name in names)
     return {
         "encode": encode,
-        "task": Part(Task(model), looked, tuple(begun)),
+        "task": Part(ReadTask(model), looked, tuple(begun)),
         "follow": Part(Follow(model), {"task": begun.pop("task")} | now | begun, ("wish", *after)),
         "tell": Part(Tell(model), looked | {"count": torch.ones(1)}, ("words",)),
     }
