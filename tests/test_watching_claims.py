@@ -177,12 +177,14 @@ def test_the_joint_error_is_smallest_without_corrected_clips():
     assert error.drop("blind_on_clips")["execute_nrmse"].idxmin() == "recorded_only"
 
 
-def test_where_a_cube_was_moved_the_action_is_told_wrongly_and_never_the_speed(table):
-    mine = table[(table["model"] == "watching") & (table["condition"] == "moved")]
+def test_what_is_told_wrongly_is_the_action_of_a_moved_cube_and_the_colour_in_new_families(table):
+    mine = table[table["model"] == "watching"]
     wrong = mine[~watching_shown.told_rightly(mine)]
-    said = [(parse(one.described), parse(one.sentence)) for one in wrong.itertuples()]
-    assert all(a.speed == b.speed for a, b in said)
-    assert sum(a.action != b.action for a, b in said) > 0.6 * len(said)
+    for condition, part in (("moved", "action"), ("new_family", "colour")):
+        rows = wrong[wrong["condition"] == condition]
+        said = [(parse(one.described), parse(one.sentence)) for one in rows.itertuples()]
+        assert len(said) > 5 and all(a.speed == b.speed for a, b in said)
+        assert sum(getattr(a, part) != getattr(b, part) for a, b in said) > 0.8 * len(said)
 
 
 def test_in_new_families_the_first_look_finds_the_named_cube(simulator, table):
@@ -204,7 +206,7 @@ def test_beyond_the_test_only_the_light_harms(table):
     mine = table[table["model"] == "watching"].groupby(["condition", "seed"])["success"].mean()
     assert mine["moved"].min() == mine["pushed"].min() == 1
     assert mine[["late", "slippery", "heavy", "synonyms"]].min() > 0.9
-    assert mine["dark"].max() < 0.5
+    assert 0.5 < mine["dark"].max() < 0.95
 
 
 def test_the_stored_episodes_are_those_that_the_chapter_names():
