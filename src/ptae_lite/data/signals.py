@@ -91,7 +91,8 @@ class Batch:
         tokens: query tokens, padded with EOS.
         token_mask: which of the tokens are not padding.
         frames: clip lengths.
-        keys: keys and values: K = F + 5 numbers a frame, features first, then joints.
+        keys: keys and values: K = F + 5 numbers a frame, features first, then joints. `build` makes
+            T = 100 of them.
         video: features that the action decoder sees at each step.
         start: first pose of the action decoder.
         words: language target.
@@ -103,7 +104,7 @@ class Batch:
     tokens: Int[Tensor, "B 6"]
     token_mask: Bool[Tensor, "B 6"]
     frames: Int[Tensor, " B"]
-    keys: Float[Tensor, "B 100 K"]
+    keys: Float[Tensor, "B T K"]
     video: Float[Tensor, "B 99 F"]
     start: Float[Tensor, "B 5"]
     words: Int[Tensor, "B 4"]

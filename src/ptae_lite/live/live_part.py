@@ -1,11 +1,12 @@
 """A live part over stored answers: in the site's page a button loads the model and runs it there.
 
-In a notebook the stored answers are shown, where a kernel can work out others.
+In a notebook the kernel answers, if it has a panel for that; else the stored answers are shown.
 """
 
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
 from html import escape
 from typing import Any
 
@@ -13,10 +14,11 @@ from matplotlib.figure import Figure
 
 from ptae_lite.errors import PTAEError
 from ptae_lite.live import scripts
-from ptae_lite.run_mode import for_site
+from ptae_lite.run_mode import for_site, is_static
 from ptae_lite.widgets.panel_frames import as_html
 
 PARTS = ("vision", "transformer", "labels", "conflict", "act", "policies")  # see loader.js
+WIDGET = "application/vnd.jupyter.widget-view+json"
 WITHOUT = (
     "This site was built without the scripts that run models in a page; these are stored answers."
 )
@@ -33,16 +35,18 @@ class LivePart:
         label: what the part is, for screen readers.
         alt: describes a stored figure to those who cannot see it.
         offer: the text of the button.
+        kernel: makes a panel in which a notebook's kernel does the same; None if `stored` is one.
 
     Raises:
         PTAEError: there is no such part.
     """
 
     def __init__(self, part: str, stored: Any, label: str, *, alt: str = "",
-                 offer: str = "Run the model here"):  # fmt: skip
+                 offer: str = "Run the model here", kernel: Callable | None = None):  # fmt: skip
         if part not in PARTS:
             raise PTAEError(f"no live part {part!r}; there are {', '.join(PARTS)}")
         self.part, self.stored, self.label, self.alt, self.offer = part, stored, label, alt, offer
+        self.kernel = kernel
 
     def html(self) -> str:
         """The stored answers, in the place of the live part."""
@@ -58,7 +62,11 @@ class LivePart:
         if for_site():
             return {"text/html": self.html(), "text/plain": repr(self)}
         bundle = _bundle_of(self.stored)
-        return bundle if isinstance(bundle, tuple) else bundle | {"text/plain": repr(self)}
+        if isinstance(bundle, tuple):
+            return bundle
+        if self.kernel and not is_static():
+            bundle = bundle | {WIDGET: self.kernel().widget()._repr_mimebundle_()[WIDGET]}
+        return bundle | {"text/plain": repr(self)}
 
     def __repr__(self) -> str:
         return f"LivePart({self.part!r}, {self.label!r})"

@@ -134,27 +134,29 @@ def learning(losses: Sequence[float], floor: float, said: Mapping[int, str], tru
 
 def clip_attention(
     weights: Float[np.ndarray, "heads N T"], tokens: Sequence[str], frames: int,
-    shots: Mapping[int, np.ndarray],
+    shots: Mapping[int, np.ndarray], padding: str = "zeros",
 ) -> Figure:  # fmt: skip
     """Attention of each head and token under thumbnails of the clip.
 
     Args:
         frames: length of the clip; what follows is padding.
         shots: images by frame number.
+        padding: what it is.
     """
     heads, total = len(weights), weights.shape[2]
     rows = [(h, n) for h in range(heads) for n in range(len(tokens))]
-    size = (style.WIDTH, 4.0)
-    figure, (top, below) = plt.subplots(2, 1, figsize=size, height_ratios=(1, 5), sharex=True)
+    size, ratios = (style.WIDTH, 1.6 + 0.3 * len(rows)), (1, 0.62 * len(rows))
+    figure, (top, below) = plt.subplots(2, 1, figsize=size, height_ratios=ratios, sharex=True)
     wide = frames / len(shots)
     for place, image in enumerate(shots.values()):
         top.imshow(image, extent=(place * wide, (place + 1) * wide, 0, 1), aspect="auto")
-    top.text((frames + total) / 2, 0.5, "padding: zeros", ha="center", va="center")
+    if frames < total:
+        top.text((frames + total) / 2, 0.5, f"padding: {padding}", ha="center", va="center")
     shown = np.stack([weights[h, n] for h, n in rows])
     picture = below.imshow(shown, aspect="auto", cmap="Blues", vmin=0,
                            extent=(0, total, len(rows), 0))  # fmt: skip
     for y, behind in enumerate(shown[:, frames:].sum(1)):
-        if behind > 0.05:
+        if behind > 0.05 and frames < total:
             below.text((frames + total) / 2, y + 0.5, f"{100 * behind:.0f} % of the weight",
                        ha="center", va="center")  # fmt: skip
     below.set_yticks(np.arange(len(rows)) + 0.5,
