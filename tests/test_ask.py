@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from IPython.core.formatters import DisplayFormatter
 
 from ptae_lite import artefacts, evaluation, vision
 from ptae_lite.data.samples import load_samples
@@ -94,10 +95,12 @@ def test_other_colours_and_numbers_change_the_right_column_alone(simulator, enco
     assert (moved[1] == same[1]).all() and (moved[3] != same[3]).any()
 
 
-def test_a_notebook_shows_the_kernels_panel_and_a_page_does_not(monkeypatch, panel):
-    figure = style.closed(panel.frame(**panel.start).figure)
+@pytest.mark.parametrize("made", [style.closed, style.chart])
+def test_a_notebook_shows_the_kernels_panel_and_a_page_does_not(monkeypatch, panel, made):
+    figure = made(panel.frame(**panel.start).figure)
     part = live_part.LivePart("transformer", figure, "Attention", kernel=lambda: panel)
+    formatter = DisplayFormatter()
     monkeypatch.setenv("PTAE_STATIC", "0")
-    assert {live_part.WIDGET, "text/html"} <= set(part._repr_mimebundle_())
+    assert {live_part.WIDGET, "text/plain"} < set(formatter.format(part)[0])
     monkeypatch.setenv("PTAE_STATIC", "1")
-    assert live_part.WIDGET not in part._repr_mimebundle_()
+    assert live_part.WIDGET not in formatter.format(part)[0]

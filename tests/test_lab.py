@@ -187,8 +187,8 @@ def move_everything(page, cell):
         until(lambda before=before: shown.first.inner_html() != before,
               message=f"control {i} was moved, and the panel shows the same")  # fmt: skip
         assert "Traceback" not in shown.first.inner_text()
-        what = shown.first.locator("img, iframe").first
-        assert what.get_attribute("alt") or what.get_attribute("title")
+        for what in shown.first.locator("img, iframe").all():
+            assert what.get_attribute("alt") or what.get_attribute("title")
 
 
 def is_told(handle):

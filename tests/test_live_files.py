@@ -217,7 +217,7 @@ def test_without_the_scripts_a_line_says_so(site, monkeypatch):
 
 def test_a_notebook_shows_what_is_stored(monkeypatch):
     monkeypatch.setenv("PTAE_STATIC", "0")
-    bundle = part_of(Panel(lambda n: f"{n}", [1, 2], "Numbers"))._repr_mimebundle_()
+    bundle, _ = part_of(Panel(lambda n: f"{n}", [1, 2], "Numbers"))._repr_mimebundle_()
     assert "application/vnd.jupyter.widget-view+json" in bundle
 
 

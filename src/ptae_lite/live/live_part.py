@@ -58,15 +58,14 @@ class LivePart:
             f'aria-label="{escape(self.label)}">{inside}</div>'
         )
 
-    def _repr_mimebundle_(self, include=None, exclude=None) -> dict[str, Any]:
+    def _repr_mimebundle_(self, include=None, exclude=None):
         if for_site():
             return {"text/html": self.html(), "text/plain": repr(self)}
         bundle = _bundle_of(self.stored)
-        if isinstance(bundle, tuple):
-            return bundle
+        data, about = bundle if isinstance(bundle, tuple) else (bundle, {})
         if self.kernel and not is_static():
-            bundle = bundle | {WIDGET: self.kernel().widget()._repr_mimebundle_()[WIDGET]}
-        return bundle | {"text/plain": repr(self)}
+            data = data | {WIDGET: self.kernel().widget()._repr_mimebundle_()[WIDGET]}
+        return data | {"text/plain": repr(self)}, about
 
     def __repr__(self) -> str:
         return f"LivePart({self.part!r}, {self.label!r})"
