@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from IPython.core.formatters import DisplayFormatter
 
 from ptae_lite import artefacts, evaluation, vision
 from ptae_lite.data.samples import load_samples
@@ -61,8 +60,9 @@ def test_every_choice_is_answered_and_frames_matter(panel):
     for name, allowed in panel.values.items():
         for value in allowed if name != "clip" else allowed[::36]:
             assert panel.frame(**chosen | {name: value}).text
-    seen = {panel.face(**chosen | {"frames": order}) for order in ask.ORDERS}
-    assert len(seen) == len(ask.ORDERS)
+    for task in panel.values["task"]:
+        seen = {panel.face(**chosen | {"task": task, "frames": order}) for order in ask.ORDERS}
+        assert len(seen) == len(ask.ORDERS)
 
 
 def test_it_says_what_the_model_says(panel, ptae, samples):
@@ -96,11 +96,14 @@ def test_other_colours_and_numbers_change_the_right_column_alone(simulator, enco
 
 
 @pytest.mark.parametrize("made", [style.closed, style.chart])
-def test_a_notebook_shows_the_kernels_panel_and_a_page_does_not(monkeypatch, panel, made):
+def test_below_the_stored_answers_a_notebook_has_the_kernels_panel(monkeypatch, panel, made):
     figure = made(panel.frame(**panel.start).figure)
     part = live_part.LivePart("transformer", figure, "Attention", kernel=lambda: panel)
-    formatter = DisplayFormatter()
+    shown = []
+    monkeypatch.setattr(live_part, "display", lambda one, **_: shown.append(one))
     monkeypatch.setenv("PTAE_STATIC", "0")
-    assert {live_part.WIDGET, "text/plain"} < set(formatter.format(part)[0])
+    part._ipython_display_()
+    assert shown[1:] == [panel] and len(shown[0]) > 1
     monkeypatch.setenv("PTAE_STATIC", "1")
-    assert live_part.WIDGET not in formatter.format(part)[0]
+    part._ipython_display_()
+    assert len(shown) == 3 and "data-ptae-live" in shown[2]["text/html"]

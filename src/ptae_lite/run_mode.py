@@ -42,14 +42,16 @@ def for_site() -> bool:
     return os.environ.get("PTAE_STATIC") == "1"
 
 
-def is_static() -> bool:
-    """Whether this runs for a page without a kernel: of the site, or one that `nbconvert` makes.
-
-    A notebook that a person has open allows input; one that runs as a batch does not.
-    `PTAE_STATIC=0` makes widgets in a batch, too.
-    """
-    if "PTAE_STATIC" in os.environ:
-        return for_site()
+def is_batch() -> bool:
+    """Whether nobody is there: a notebook that a person has open allows input, a batch does not."""
     shell = get_ipython()
     request = shell.get_parent() if hasattr(shell, "get_parent") else {}
     return request.get("content", {}).get("allow_stdin") is False
+
+
+def is_static() -> bool:
+    """Whether this runs for a page without a kernel: of the site, or one that `nbconvert` makes.
+
+    `PTAE_STATIC=0` makes widgets in a batch, too.
+    """
+    return for_site() if "PTAE_STATIC" in os.environ else is_batch()

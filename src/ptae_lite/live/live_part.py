@@ -1,6 +1,6 @@
 """A live part over stored answers: in the site's page a button loads the model and runs it there.
 
-In a notebook the kernel answers, if it has a panel for that; else the stored answers are shown.
+In a notebook the stored answers are shown, and below them a panel that the kernel answers.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from collections.abc import Callable
 from html import escape
 from typing import Any
 
+from IPython.display import display
 from matplotlib.figure import Figure
 
 from ptae_lite.errors import PTAEError
 from ptae_lite.live import scripts
-from ptae_lite.run_mode import for_site, is_static
+from ptae_lite.run_mode import for_site, is_batch
 from ptae_lite.widgets.panel_frames import as_html
 
 PARTS = ("vision", "transformer", "labels", "conflict", "act", "policies")  # see loader.js
-WIDGET = "application/vnd.jupyter.widget-view+json"
 WITHOUT = (
     "This site was built without the scripts that run models in a page; these are stored answers."
 )
@@ -35,7 +35,7 @@ class LivePart:
         label: what the part is, for screen readers.
         alt: describes a stored figure to those who cannot see it.
         offer: the text of the button.
-        kernel: makes a panel in which a notebook's kernel does the same; None if `stored` is one.
+        kernel: makes a panel that a notebook's kernel answers; None if `stored` is one.
 
     Raises:
         PTAEError: there is no such part.
@@ -63,9 +63,14 @@ class LivePart:
             return {"text/html": self.html(), "text/plain": repr(self)}
         bundle = _bundle_of(self.stored)
         data, about = bundle if isinstance(bundle, tuple) else (bundle, {})
-        if self.kernel and not is_static():
-            data = data | {WIDGET: self.kernel().widget()._repr_mimebundle_()[WIDGET]}
         return data | {"text/plain": repr(self)}, about
+
+    def _ipython_display_(self) -> None:
+        shown = self._repr_mimebundle_()
+        data, about = shown if isinstance(shown, tuple) else (shown, {})
+        display(data, metadata=about, raw=True)
+        if self.kernel and not for_site() and not is_batch():
+            display(self.kernel())
 
     def __repr__(self) -> str:
         return f"LivePart({self.part!r}, {self.label!r})"

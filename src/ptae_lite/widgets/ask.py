@@ -62,30 +62,31 @@ def with_keys(batch: Batch, order, after: str) -> Batch:
 
 
 def attention(trained: Trained, encoder: nn.Module, samples: Samples) -> Panel:
-    """What a PTAE attends to and answers: any task and clip, with other frames in the keys.
+    """What a PTAE attends to and answers: any clip, with other frames in the keys.
+
+    The tasks are those whose keys are a moving clip.
 
     Args:
         encoder: makes the pictures of the keys from their features.
     """
     source, known = Source(trained.dataset(samples)), clips()
+    tasks = [name for name in PTAE_SIGNALS if WIRING[name].keys == "clip"]
 
     def show(task: str, clip: str, frames: str, after_them: str) -> Card:
-        index, wiring = known[clip], WIRING[task]
+        index = known[clip]
         one, which = torch.tensor([index]), evaluation.alternatives_for(len(samples.frames))
         batch = build(source, one, torch.tensor([signal_number(task)]), which[one])
-        still = wiring.keys == "first"
-        order = ORDERS["frozen at its first frame" if still else frames](int(samples.frames[index]))
+        order = ORDERS[frames](int(samples.frames[index]))
         batch = with_keys(batch, order, after_them)
         with torch.no_grad():
             answer = trained.model(batch)
-        asked = sentence(pattern(index // VARIATIONS).meaning, int(which[index])).split()
-        tokens = [task, *(["begin", *asked] if wiring.query == "sentence" else []), "end"]
+        tokens = [task, "end"]
         seen = order[np.linspace(0, len(order) - 1, PICTURES).round().astype(int)]
         figure = plots.clip_attention(
             answer.attention[0].numpy()[:, : len(tokens)], tokens, len(order),
             dict(enumerate(decoded(encoder, samples.features[index, seen]))), after_them,
         )  # fmt: skip
-        if wiring.words == "sentence":
+        if WIRING[task].words == "sentence":
             right = "right" if evaluation.correct(answer, samples, [index])[0] else "wrong"
             return Card(
                 figure, f"It says: {evaluation.sentences(answer)[0]}. That is {right}.", None
@@ -95,7 +96,7 @@ def attention(trained: Trained, encoder: nn.Module, samples: Samples) -> Panel:
         return Card(figure, f"Its motion is {wrong:.1f} % off (NRMSE).", None)
 
     return Panel(
-        show, {"task": list(PTAE_SIGNALS), "clip": list(known), "frames": list(ORDERS),
+        show, {"task": tasks, "clip": list(known), "frames": list(ORDERS),
                "after_them": [ZEROS, NOTHING, LAST]},
         "What PTAE attends to", labels={"frames": "frames in the keys"},
         describe=lambda **values: show(**values).text,
