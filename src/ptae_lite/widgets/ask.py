@@ -30,10 +30,10 @@ PICTURES = 5  # of a clip
 ZEROS, NOTHING, LAST = "zeros, as in training", "nothing: the keys end there", "its last frame"
 ORDERS = {  # which frames the keys show, of n
     "as recorded": np.arange,
-    "frozen at its first frame": lambda n: np.zeros(n, dtype=int),
-    "shuffled": lambda n: np.random.default_rng(1).permutation(n),
-    "every other frame": lambda n: np.arange(0, n, 2),
     "its first half": lambda n: np.arange(n // 2),
+    "every other frame": lambda n: np.arange(0, n, 2),
+    "shuffled": lambda n: np.random.default_rng(1).permutation(n),
+    "frozen at its first frame": lambda n: np.zeros(n, dtype=int),
 }
 SAME = "as recorded"
 
