@@ -126,7 +126,8 @@ def watched(samples, test, sentences):
                    for one in samples.joints[index, :frames]]  # fmt: skip
         joints.append(trained.scaling.joints(np.array(targets, np.float32)))
         with torch.no_grad():
-            keys = torch.stack([torch.cat(pair, 1) for pair in actor._seen()], dim=1)
+            pairs = zip(actor.looks, actor.poses, strict=True)
+            keys = torch.stack([torch.cat(pair, 1) for pair in pairs], dim=1)
             clock = torch.tensor([float(frames)])
             scores = trained.model.tell(trained.model.watch(keys), clock, actor.looks[0])
             words.append(scores[0].exp().numpy())

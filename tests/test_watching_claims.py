@@ -2,6 +2,7 @@
 
 import re
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,12 +12,15 @@ from ptae_lite import artefacts, vision
 from ptae_lite.data.samples import load_samples
 from ptae_lite.experiments import watching_shown
 from ptae_lite.experiments.tasks import tasks_of
+from ptae_lite.experiments.watching import CLIPS
 from ptae_lite.language import parse
 from ptae_lite.models import checkpoint
 from ptae_lite.plots.watching import correction
+from ptae_lite.reproduce.stages import STAGES
 from ptae_lite.robot.scene import Scene
 from ptae_lite.watching_actor import WatchingActor
 
+BOOK = Path(__file__).resolve().parents[1] / "book"
 LITTLE = "the cube went too little that way"
 AMOUNTS = ["recorded_only", "eighth", "watching"]
 LEVELS = {"test": 95, "moved": 75, "pushed": 90, "displaced": 90, "new_family": 90,
@@ -118,7 +122,7 @@ def test_the_frame_of_the_cube_does_much_and_clips_the_rest(held, controls):
     assert controls["recorded_only"] + 10 < controls["watching"]
     went = share_of_the_way(held)
     assert abs(went["frozen"]) < 0.1 and abs(went["blind_on_clips"]) < 0.1
-    assert went["recorded_only"] < 0.4 < 0.6 < went["eighth"] < went["watching"]
+    assert 0.15 < went["recorded_only"] < 0.4 < 0.6 < went["eighth"] < went["watching"]
     assert went["noise_only"] < 0.4 and went["moves_only"] > 0.85
 
 
@@ -229,3 +233,16 @@ def test_film_strips_are_of_training_patterns():
     with np.load(artefacts.stored("results/corrected_strips.npz"), allow_pickle=False) as file:
         texts = file["texts"].tolist()
     assert [re.sub(r".*: ", "", text) for text in texts] == list(watching_shown.KINDS)
+
+
+def test_the_book_made_anew_has_the_rows_that_its_pages_name():
+    commands = [one.command for one in STAGES if "study watching" in one.command]
+    made = {word for command in commands for word in command.split()}
+    pages = [BOOK / "06_closed_loop.md", BOOK / "in_depth" / "06_open_eyes.md"]
+    named = re.findall(
+        r'(?:kept|along)\["(\w+)"\]', "".join(one.read_text("utf-8") for one in pages)
+    )
+    assert {"recorded_only", "noise_only"} <= set(named) <= made
+    folders = " ".join(one.command for one in STAGES)
+    for clips, suffix in CLIPS.items():
+        assert f"corrections{suffix} " in f"{folders} ", clips

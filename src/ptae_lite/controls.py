@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import torch
+from jaxtyping import Int
+from torch import Tensor
 
 from ptae_lite.data.samples import MAX_FRAMES, Samples
 from ptae_lite.data.signals import TOKENS_IN, Batch, Source
@@ -31,12 +33,17 @@ def shuffled_sentences(batch: Batch) -> Batch:
     return replace(batch, tokens=tokens)
 
 
-def swapped_speed(batch: Batch) -> Batch:
-    """Control: the speed word is replaced by the other one (first word or synonym as before)."""
+def other_speed() -> Int[Tensor, " V"]:
+    """The index of each token; of a speed's word that of the other speed's, synonym for synonym."""
     swap = torch.arange(len(TOKENS))
     for one, other in zip(words_of("speed")[::2], words_of("speed")[1::2], strict=True):
         swap[WORD_INDEX[one]], swap[WORD_INDEX[other]] = WORD_INDEX[other], WORD_INDEX[one]
-    return replace(batch, tokens=swap[batch.tokens])
+    return swap
+
+
+def swapped_speed(batch: Batch) -> Batch:
+    """Control: the speed word is replaced by the other one (first word or synonym as before)."""
+    return replace(batch, tokens=other_speed()[batch.tokens])
 
 
 def frozen_video(batch: Batch) -> Batch:

@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
-from ptae_lite import devices
+from ptae_lite import controls, devices
 from ptae_lite.data.demonstrations import REST, Demonstrations
 from ptae_lite.data.scaling import Scaling
 from ptae_lite.data.signals import WORDS_OUT
@@ -32,9 +32,6 @@ from ptae_lite.language import (
     COLOURS,
     SIDES,
     SPEEDS,
-    SYNONYMS,
-    TOKENS,
-    WORD_INDEX,
     Meaning,
     alternatives,
     encode,
@@ -256,7 +253,7 @@ def fit_teller(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
     sentences say so. The teller must then look at the clock, and not at the frames.
     """
     codes, slow = clip_codes(model, data), data.task[:, 2] == SPEEDS.index("slowly")
-    other = other_speed()
+    other = controls.other_speed()
 
     def loss(_):
         drawn = torch.randint(len(codes), (recipe.frames,))
@@ -270,14 +267,6 @@ def fit_teller(model: Watcher, data: Prepared, recipe: WatchingRecipe) -> float:
         return functional.nll_loss(side, data.task[drawn, 0]) - right.mean()
 
     return _cycle(model.teller, loss, recipe.teller_steps, recipe, recipe.teller_decay)
-
-
-def other_speed() -> Int[Tensor, " V"]:
-    """The index of each token, and for words of a speed that of the other speed's word."""
-    turned = torch.arange(len(TOKENS))
-    slow, fast = ([WORD_INDEX[name], WORD_INDEX[SYNONYMS[name]]] for name in SPEEDS)
-    turned[slow], turned[fast] = torch.tensor(fast), torch.tensor(slow)
-    return turned
 
 
 @torch.no_grad()

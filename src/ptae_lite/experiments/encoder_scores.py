@@ -120,4 +120,4 @@ def pixel_errors(encoder, images: np.ndarray) -> dict[str, float]:
 def drawn(encoder, images: np.ndarray | None = None) -> np.ndarray:
     """Images as an encoder reconstructs them, as bytes. None for the stored frames `DRAWN`."""
     x = vision.as_input(frames.images(DRAWN) if images is None else images)
-    return (255 * encoder(x).permute(0, 2, 3, 1).numpy()).round().astype(np.uint8)
+    return vision.as_images(encoder(x))

@@ -32,9 +32,9 @@ from ptae_lite.language import (
     EOS,
     SIDES,
     SPEEDS,
-    SYNONYMS,
     WORD_INDEX,
     signal_index,
+    words_of,
 )
 from ptae_lite.models.common import Answer, check_sizes
 from ptae_lite.models.hand_planner import HandPlanner, Memory
@@ -45,7 +45,7 @@ KINDS = (len(SIDES), len(ACTIONS), len(SPEEDS))  # choices of a task
 SAID = (len(ACTIONS), len(COLOURS), len(SPEEDS))  # choices of a meaning
 COLOUR_WORD = 1  # the place of the colour in a sentence
 UNSEEN = -100.0  # log-probability of a word that is no colour, in this place
-COLOUR_INDEX = [[WORD_INDEX[name], WORD_INDEX[SYNONYMS[name]]] for name in COLOURS]
+COLOUR_WORDS = [WORD_INDEX[word] for word in words_of("colour")]  # first words, then synonyms
 PLACE_UNIT_M = 0.03  # a cube is mostly within this of the middle of its places
 
 
@@ -219,8 +219,7 @@ class Watcher(nn.Module):
         seen = (side[:, :, None] + self.colours(first)).logsumexp(1)
         more = torch.zeros_like(words)
         more[:, COLOUR_WORD] = UNSEEN
-        for which in zip(*COLOUR_INDEX, strict=True):
-            more[:, COLOUR_WORD, list(which)] = seen
+        more[:, COLOUR_WORD, COLOUR_WORDS] = torch.cat([seen, seen], dim=1)
         return (words + more).log_softmax(2)
 
     def read(

@@ -145,8 +145,8 @@ def clip_attention(
     """
     heads, total = len(weights), weights.shape[2]
     rows = [(h, n) for h in range(heads) for n in range(len(tokens))]
-    size, ratios = (style.WIDTH, 1.6 + 0.3 * len(rows)), (1, 0.62 * len(rows))
-    figure, (top, below) = plt.subplots(2, 1, figsize=size, height_ratios=ratios, sharex=True)
+    size = (style.WIDTH, 4.0)
+    figure, (top, below) = plt.subplots(2, 1, figsize=size, height_ratios=(1, 5), sharex=True)
     wide = frames / len(shots)
     for place, image in enumerate(shots.values()):
         top.imshow(image, extent=(place * wide, (place + 1) * wide, 0, 1), aspect="auto")

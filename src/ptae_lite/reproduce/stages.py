@@ -137,6 +137,12 @@ STAGES = (
     Stage("corrections",
           "ptae_lite corrections --workers 2 --out {out}/corrections", {}, 9, simulator=True,
           leaves=("corrections/clips.npz",)),
+    Stage("corrections of the controls", "ptae_lite.reproduce.run_parallel "
+          "ptae_lite corrections --without added-noise --workers 1 --count 648 "
+          "--out {out}/corrections_no_noise + "
+          "ptae_lite corrections --without disturbances --workers 1 --count 648 "
+          "--out {out}/corrections_no_disturbances", {}, 9, simulator=True,
+          leaves=("corrections_no_noise/clips.npz", "corrections_no_disturbances/clips.npz")),
     Stage("disturbances", "ptae_lite study disturbances --splits test --workers 2 "
           "--out {out}/results", {
         "results/disturbances.csv": table(
@@ -148,7 +154,7 @@ STAGES = (
     Stage("controls of open eyes", "ptae_lite study watching --split held_out --workers 2 "
           "--seeds 0 --conditions moved --clips {out}/corrections --weights {out}/weights "
           "--models watching one_look_policy frozen recorded_only eighth blind_on_clips "
-          "--out {out}/results", {}, 22, simulator=True,
+          "moves_only noise_only --out {out}/results", {}, 28, simulator=True,
           leaves=("weights/watching_recorded_only_fit_seed0.safetensors",)),
     Stage("open eyes", "ptae_lite study watching --split test --workers 2 --seeds {seeds} "
           "--models watching one_look_policy planner unaware "

@@ -7,7 +7,7 @@ from ptae_lite.vision.checkpoint import (
     make_autoencoder,
     save_autoencoder,
 )
-from ptae_lite.vision.features import as_input, encode_images, encode_recording
+from ptae_lite.vision.features import as_images, as_input, encode_images, encode_recording
 from ptae_lite.vision.training import (
     DECAY,
     AutoencoderRecipe,
@@ -26,6 +26,7 @@ __all__ = [
     "AutoencoderTrainer",
     "PixelCrossEntropy",
     "PlainCAE",
+    "as_images",
     "as_input",
     "encode_images",
     "encode_recording",

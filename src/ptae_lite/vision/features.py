@@ -29,6 +29,11 @@ def as_input(
     return torch.from_numpy(own).to(device).permute(0, 3, 1, 2).float().div_(255)
 
 
+def as_images(values: Float[Tensor, "B 3 120 160"]) -> UInt8[np.ndarray, "B 120 160 3"]:
+    """Values 0 to 1 of a decoder as images: the way back from `as_input`."""
+    return (255 * values.permute(0, 2, 3, 1).numpy()).round().astype(np.uint8)
+
+
 @torch.no_grad()
 def encode_images(encoder: nn.Module, images, batch: int = 100) -> Float[np.ndarray, "M F"]:
     """Features of images: an array (M, 120, 160, 3) of bytes, or `frames.Images`."""

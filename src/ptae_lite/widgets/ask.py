@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import torch
-from torch import Tensor, nn
+from torch import nn
 
 from ptae_lite import evaluation, vision
 from ptae_lite.data import frames
@@ -166,5 +166,5 @@ def reconstructed(encoder: nn.Module, samples: Samples) -> Panel:
 @torch.no_grad()
 def decoded(encoder: nn.Module, features) -> list[np.ndarray]:
     """Images that an autoencoder's decoder makes of features, (120, 160, 3) each."""
-    made: Tensor = encoder.decode(torch.as_tensor(np.asarray(features), dtype=torch.float32))
-    return list((255 * made.permute(0, 2, 3, 1).numpy()).round().astype(np.uint8))
+    features = torch.as_tensor(np.asarray(features), dtype=torch.float32)
+    return list(vision.as_images(encoder.decode(features)))
