@@ -18,15 +18,15 @@ class Recipe:
 
     epochs: int = 80  # ours, 1,920 steps; paper 2,500 epochs of 108 batches
     batch: int = 27  # ours; paper 6
-    learning_rate: float = 1e-3  # ours, the peak of one cycle of Adam; paper 1e-5, constant
+    learning_rate: float = 1e-3  # ours, Adam's peak; paper 1e-5, constant
     # ours; the learning rate of the action decoder, as a multiple of the others'. With one rate for
     # all, either the words for new scenes get worse, or the joints have not yet converged.
     action_lr_scale: float = 3.0
-    muon_lr: float = 0.0  # ours, the peak for hidden matrices, see `optimisers`; 0: Adam for all
+    muon_lr: float = 4e-3  # ours, the peak for hidden matrices, see `optimisers`; 0: Adam for all
     # ours; weight decay of Muon's matrices outside the action decoder, as AdamW has it. It keeps a
     # model from learning by heart which sentence belongs to which clip.
-    muon_decay: float = 0.0
-    warmup: float = 0.0  # ours; share of the updates in which rates rise; 0: one cycle of Adam
+    muon_decay: float = 1.0
+    warmup: float = 0.1  # ours; share of the updates in which rates rise; 0: one cycle of Adam
     clip: float = 1.0  # ours, of the gradient's norm; paper none
     language_weight: float = 1.0  # paper
     # ours; 5 would be the paper's text, which sums over joints where its code averages

@@ -55,11 +55,9 @@ class Variant(NamedTuple):
 
     Args:
         recipe: settings of the recipe to change.
-        times: factor on the number of epochs.
     """
 
     recipe: dict = {}
-    times: int = 1  # as many epochs
 
 
 VARIANTS = {
@@ -71,7 +69,6 @@ VARIANTS = {
     ),  # balanced, and a sentence to repeat comes with the scene of another sample
     "covering": Variant(),  # balanced, too; the labelled samples name every word
     "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
-    "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
 DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
@@ -120,16 +117,14 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     seeds = seeds or SEEDS
     for seed in seeds:
         for model in ("ptae", "pgae"):
+            more(model, "samples", "paper", seed, *SHARES["samples"])
             more(model, "samples", "balanced", seed, *SHARES["samples"])
             more(model, "iterations", "paper", seed, *SHARES["iterations"])
         more("pvae", "samples", "balanced", seed, 2, 10, 20, 50, 100)
     for model in () if core else ("ptae", "pgae"):
         for seed in seeds:
-            more(model, "iterations", "long", seed, 1, 2)
-            more(model, "samples", "long", seed, 1, 2)
             more(model, "samples", "covering", seed, 1, 2, 5)
             more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
-            more(model, "samples", "paper", seed, *SHARES["samples"])
     for seed in () if core else seeds:
         more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
     return list(dict.fromkeys(map(_once, found)))
@@ -188,8 +183,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
         raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
     own, labels = asdict(recipe or MODELS[job.model].recipe), Labels()
     if not job.regular:
-        variant = VARIANTS[job.variant]
-        own |= variant.recipe | {"epochs": own["epochs"] * variant.times}
+        own |= VARIANTS[job.variant].recipe
         if job.mode == "iterations":
             labels, own["supervised"] = Labels("few updates"), job.share / 100
         else:

@@ -32,10 +32,10 @@ class ModelType(NamedTuple):
 MODELS = {
     "ptae": ModelType(PTAE, PTAEConfig, Recipe()),
     # published 6,000 epochs of 108 batches of 6, at 1e-5
-    "pgae": ModelType(PGAE, PGAEConfig, Recipe(epochs=60, learning_rate=3e-3, action_lr_scale=1)),
+    "pgae": ModelType(PGAE, PGAEConfig, Recipe(epochs=60)),
     # published 15,000 or 40,000 batches of 100, at 1e-4
-    "pvae": ModelType(PVAE, PVAEConfig, Recipe(epochs=60, learning_rate=3e-3, action_lr_scale=1)),
-    "prae": ModelType(PVAE, PRAEConfig, Recipe(epochs=60, learning_rate=3e-3, action_lr_scale=1)),
+    "pvae": ModelType(PVAE, PVAEConfig, Recipe(epochs=60, muon_decay=0.0)),
+    "prae": ModelType(PVAE, PRAEConfig, Recipe(epochs=60, muon_decay=0.0)),
 }
 
 # What a file of weights can hold: a model of the list, or a policy that was built on one.
