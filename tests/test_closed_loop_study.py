@@ -38,11 +38,11 @@ def quick(monkeypatch):
 
 
 def test_a_model_that_the_family_has_is_the_same_training_and_lies_in_the_same_place(recorded):
-    for model, variant in study.OF_FAMILY.items():
+    for model, variant in study.NAMES.items():
         own = study.experiment_of(recorded, model, 2)
         other = family.experiment_of(recorded, "recording", variant, 2)
         assert own == other and (own.hash, own.file) == (other.hash, other.file)
-    assert own.file == "ptae_frozen_video_seed2.safetensors"
+    assert own.file == "ptae_adam_seed2.safetensors"
     own = study.experiment_of(recorded, "watching_policy", 0)
     assert own.file == "watching_policy_seed0.safetensors"
     assert study.experiment_of(recorded, "dagger", 0).base == own

@@ -22,6 +22,7 @@ from ptae_lite.experiments import options
 from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.experiments.tasks import CONDITIONS, Task, tasks_of
+from ptae_lite.models import ADAM
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.robot import closed_loop
 from ptae_lite.robot.closed_loop import Episode, Verdict
@@ -45,7 +46,7 @@ VIDEOS = {
     "noisy_video": ("noisy", None),
     "dagger": ("own episodes", "watching_policy"),
 }  # and the model that acts in them
-OF_FAMILY = {"ptae": "PTAE", "ptae_first_frame": "PTAE, frozen video"}  # names in the family
+NAMES = {"ptae": "PTAE, Adam"}  # of files of weights, as in the family
 SHOWN = dict.fromkeys(MODELS, ("test", "displaced"))  # the conditions that chapter 06 shows
 SHOWN |= {"ptae_first_frame": ("test",), "one_look_policy": tuple(CONDITIONS)}
 FAST_FRAMES = MAX_FRAMES // 2  # of a recorded fast clip
@@ -133,9 +134,9 @@ def experiment_of(samples: Samples, model: str, seed: int, *_) -> Experiment | N
         return None
     videos, base = VIDEOS.get(model, ("", None))
     return experiment(
-        samples, "ptae", MODELS[model], None, seed, videos=videos,
+        samples, "ptae", MODELS[model], ADAM["ptae"], seed, videos=videos,
         base=experiment_of(samples, base, seed) if base else None,
-        name=OF_FAMILY.get(model, model),
+        name=NAMES.get(model, model),
     )  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """How well does PTAE do with the features of each encoder in the study `encoders`?
 
-Every training is the regular one, on the CPU; only the features differ. `device` is the one on
-which the encoder was trained.
+Every training has the recipe with Adam, on the CPU; only the features differ. `device` is the one
+on which the encoder was trained.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ptae_lite.experiments.encoder_training import folder_of
 from ptae_lite.experiments.encoders import CAES, PCAS
 from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, run
+from ptae_lite.models import ADAM
 from ptae_lite.models.checkpoint import Trained
 
 KEY = ["encoder", "seed", "samples_seen"]
@@ -62,8 +63,8 @@ def see(work, samples: Samples, *job) -> Samples:
 
 
 def experiment_of(samples: Samples, encoder: str, seed: int, samples_seen: int) -> Experiment:
-    """The regular training."""
-    return experiment(samples, seed=seed)
+    """The training of a row."""
+    return experiment(samples, recipe=ADAM["ptae"], seed=seed)
 
 
 def score(work, trained: Trained, samples: Samples, *job) -> pd.DataFrame:

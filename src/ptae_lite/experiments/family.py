@@ -22,7 +22,7 @@ from ptae_lite.evaluation import correct, evaluate, new_scenes, respond
 from ptae_lite.experiments import options
 from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, check_names, run
-from ptae_lite.models import MODELS
+from ptae_lite.models import ADAM
 from ptae_lite.models.checkpoint import Trained
 
 
@@ -39,9 +39,6 @@ class Variant(NamedTuple):
     recipe: dict = {}
 
 
-# The recipes before Muon, for comparison.
-ADAM = {"muon_lr": 0.0, "muon_decay": 0.0, "warmup": 0.0}
-FAST_ADAM = ADAM | {"learning_rate": 3e-3, "action_lr_scale": 1.0}
 VARIANTS = {
     "PTAE": Variant("ptae"),
     "PGAE": Variant("pgae"),
@@ -55,10 +52,7 @@ VARIANTS = {
     "PTAE, frame positions": Variant("ptae", {"frame_positions": True}),
     "PTAE, no mixup": Variant("ptae", recipe={"mixup": False}),
     "PRAE": Variant("prae"),
-    "PTAE, Adam": Variant("ptae", recipe=ADAM),
-    "PGAE, Adam": Variant("pgae", recipe=FAST_ADAM),
-    "PVAE, Adam": Variant("pvae", recipe=FAST_ADAM),
-}
+} | {f"{name.upper()}, Adam": Variant(name, recipe=ADAM[name]) for name in ADAM}
 REGULAR = tuple(name for name in VARIANTS if not name.endswith("Adam"))
 # Sentences of the paper, and the two variants that each compares. Of the first two sentences, the
 # first variant is the one that the paper calls better.

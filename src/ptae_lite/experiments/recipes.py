@@ -19,11 +19,10 @@ from ptae_lite.experiments import options, supervision
 from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.experiments.supervision import Job
-from ptae_lite.models import MODELS
 from ptae_lite.models.checkpoint import Trained
 
 SHARE = 10  # percent of the samples that have a label: of 552, 56
-REGULAR = MODELS["ptae"].recipe
+REGULAR = supervision.recipe_of("ptae")
 
 
 class Choice(NamedTuple):

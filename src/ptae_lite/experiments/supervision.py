@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from argparse import ArgumentParser
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from importlib.metadata import version
 from typing import NamedTuple
@@ -33,7 +33,7 @@ from ptae_lite.experiments.labels import chosen, linear_scores
 from ptae_lite.experiments.pseudo_labels import pseudo_labelled
 from ptae_lite.experiments.runner import Study
 from ptae_lite.language import patterns, sentence
-from ptae_lite.models import MODELS
+from ptae_lite.models import ADAM, MODELS
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.recipe import Recipe
 
@@ -55,9 +55,11 @@ class Variant(NamedTuple):
 
     Args:
         recipe: settings of the recipe to change.
+        times: factor on the number of epochs.
     """
 
     recipe: dict = {}
+    times: int = 1  # as many epochs
 
 
 VARIANTS = {
@@ -69,6 +71,7 @@ VARIANTS = {
     ),  # balanced, and a sentence to repeat comes with the scene of another sample
     "covering": Variant(),  # balanced, too; the labelled samples name every word
     "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
+    "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
 DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
@@ -117,14 +120,16 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     seeds = seeds or SEEDS
     for seed in seeds:
         for model in ("ptae", "pgae"):
-            more(model, "samples", "paper", seed, *SHARES["samples"])
             more(model, "samples", "balanced", seed, *SHARES["samples"])
             more(model, "iterations", "paper", seed, *SHARES["iterations"])
         more("pvae", "samples", "balanced", seed, 2, 10, 20, 50, 100)
     for model in () if core else ("ptae", "pgae"):
         for seed in seeds:
+            more(model, "iterations", "long", seed, 1, 2)
+            more(model, "samples", "long", seed, 1, 2)
             more(model, "samples", "covering", seed, 1, 2, 5)
             more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
+            more(model, "samples", "paper", seed, *SHARES["samples"])
     for seed in () if core else seeds:
         more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
     return list(dict.fromkeys(map(_once, found)))
@@ -171,7 +176,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
     """The training of a job; None for the linear baseline, which is not trained.
 
     Args:
-        recipe: None for the model's own.
+        recipe: None for `recipe_of` its model.
         split: `fit` if settings are chosen.
 
     Raises:
@@ -181,9 +186,10 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
         return None
     if (job.mode, job.model) == ("iterations", "pvae"):
         raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
-    own, labels = asdict(recipe or MODELS[job.model].recipe), Labels()
+    own, labels = asdict(recipe or recipe_of(job.model)), Labels()
     if not job.regular:
-        own |= VARIANTS[job.variant].recipe
+        variant = VARIANTS[job.variant]
+        own |= variant.recipe | {"epochs": own["epochs"] * variant.times}
         if job.mode == "iterations":
             labels, own["supervised"] = Labels("few updates"), job.share / 100
         else:
@@ -192,10 +198,15 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
                       name=_weights_of(job))  # fmt: skip
 
 
+def recipe_of(model: str) -> Recipe:
+    """The recipe of the stored trainings of a model."""
+    return replace(MODELS[model].recipe, **ADAM[model])
+
+
 def _weights_of(job: Job) -> str:
     """The name of a job's file of weights, such as `ptae, labelled 5`."""
     if job.regular:
-        return job.model
+        return f"{job.model}, Adam"
     if (job.mode, job.variant) == ("samples", "balanced"):
         return f"{job.model}, labelled {job.share:g}"
     return f"{job.model}, {job.mode} {job.variant} {job.share:g}"
@@ -269,7 +280,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
     """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
-        recipe: for all trainings; None for each model's own.
+        recipe: for all trainings; None for each model's own, see `recipe_of`.
         weights: a folder of trained models.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]

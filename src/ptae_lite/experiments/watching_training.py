@@ -18,6 +18,7 @@ from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments.closed_loop import MODELS as OF_LOOP
 from ptae_lite.experiments.experiment import Experiment, experiment
+from ptae_lite.models import ADAM
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.models.ptae import PTAEConfig
 from ptae_lite.models.watching import WatcherConfig
@@ -97,7 +98,8 @@ def watching_training(
         RecordingError: there are no clips in the folder.
     """
     suffix = "" if split == "train" else f"_{split}"
-    base = experiment(samples, "ptae", OF_LOOP[BASE], None, seed, split=split, name=BASE + suffix)
+    base = experiment(samples, "ptae", OF_LOOP[BASE], ADAM["ptae"], seed, split=split,
+                      name=BASE + suffix)  # fmt: skip
     config = WatcherConfig(ptae=PTAEConfig(**vars(base.config)), blind=blind)
     clips = ""
     if folder:

@@ -38,6 +38,11 @@ MODELS = {
     "prae": ModelType(PVAE, PRAEConfig, Recipe(epochs=60, muon_decay=0.0)),
 }
 
+# The recipes with Adam alone, as changes to those of the list: those before Muon. Chapters 04 and
+# 06 have trainings of them.
+ADAM: dict[str, dict] = {"ptae": {"muon_lr": 0.0, "muon_decay": 0.0, "warmup": 0.0}}
+ADAM["pgae"] = ADAM["pvae"] = ADAM["ptae"] | {"learning_rate": 3e-3, "action_lr_scale": 1.0}
+
 # What a file of weights can hold: a model of the list, or a policy that was built on one.
 NETWORKS: dict[str, tuple] = {name: (kind.network, kind.config) for name, kind in MODELS.items()}
 NETWORKS["watcher"] = (Watcher, WatcherConfig)
