@@ -15,14 +15,13 @@ from ptae_lite.data.samples import load_samples
 from ptae_lite.experiments import incongruence_table
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import claim_metrics, report_card, reported
-from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables, always, number
+from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Notes, always, number
 from ptae_lite.paper.claims import CLAIMS
-from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE
+from ptae_lite.paper.report_card import CAVEAT, HELD, NOT_HELD, NOT_TESTABLE, NOT_TRAINED, NOTHING
 from ptae_lite.plots import report_card as card_plots
 from ptae_lite.widgets import report_card as shown
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
-NOTHING = Tables(*[pd.DataFrame()] * 5)
 PINNED = Path(__file__).parent / "verdicts.csv"
 
 
@@ -40,7 +39,7 @@ def claim(values, reads=reported.AT_LEAST, **more):
         ([1, 2, 3], reported.AT_MOST, HELD),
         ([82.1] * 3, reported.AT_MOST, NOT_HELD),
         ([99], reported.AT_LEAST, CAVEAT),  # one training
-        ([], reported.AT_LEAST, NOT_TESTABLE),
+        ([], reported.AT_LEAST, NOT_TRAINED),
     ],
 )
 def test_a_number_is_read_in_one_direction(values, reads, expected):
@@ -66,8 +65,12 @@ def test_the_sentence_beside_a_verdict_belongs_to_it():
     assert report_card.verdict(claim([99] * 3, **both), NOTHING) == (CAVEAT, "but so")
     assert report_card.verdict(claim([9] * 3, **both), NOTHING) == (NOT_HELD, "for that")
     assert report_card.verdict(claim([9], **both), NOTHING) == (NOT_HELD, "for that One training.")
-    empty = report_card.verdict(claim([]), NOTHING)
-    assert empty == (NOT_TESTABLE, "These trainings are not in the table yet.")
+    assert report_card.verdict(claim([]), NOTHING) == (NOT_TRAINED, "")
+    theirs = claim([9] * 3, theirs=Notes("and so", "but why"), **both)
+    assert report_card.verdict(theirs, NOTHING, theirs=True) == (NOT_HELD, "but why")
+    good = claim([99] * 3, theirs=Notes("and so", "but why"))
+    assert report_card.verdict(good, NOTHING, theirs=True) == (CAVEAT, "and so")
+    assert report_card.verdict(good, NOTHING) == (HELD, "")
 
 
 @pytest.mark.parametrize(

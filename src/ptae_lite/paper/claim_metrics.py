@@ -36,6 +36,13 @@ class Tables(NamedTuple):
     encoders: pd.DataFrame
 
 
+class Notes(NamedTuple):
+    """What to add to a verdict: `caveat` if the claim holds, `remark` if it does not."""
+
+    caveat: str = ""
+    remark: str = ""
+
+
 @dataclass(frozen=True)
 class ClaimTest:
     """A sentence of the paper in our words, and how our tables test it.
@@ -49,8 +56,9 @@ class ClaimTest:
         unit: of the values.
         chapter: the chapter that shows it.
         heading: the heading there.
-        caveat: what to add if it holds. A claim that holds with a caveat has one.
-        remark: what to add if it does not hold, or cannot be tested.
+        caveat: what to add if it holds on our recording. A claim that holds with a caveat has one.
+        remark: what to add if it does not hold there, or cannot be tested.
+        theirs: the same two, for the authors' data.
         trained: each value is a training, so a single value is weak evidence.
         longer: values of trainings with few labels, and of ones eight times as long, by seed. If
             the long ones come nearer to the claim, the report card does not say that it fails.
@@ -68,6 +76,7 @@ class ClaimTest:
     heading: str = "What it can do"
     caveat: str = ""
     remark: str = ""
+    theirs: Notes = Notes()
     trained: bool = True
     longer: Callable[[Tables], tuple[pd.Series, pd.Series]] | None = None
     upwards: bool = True
@@ -139,7 +148,7 @@ def ratio_of_updates(tables: Tables):
         return []
     found = family.updates_to(tables.curves[tables.curves["variant"].isin(["PTAE", "PGAE"])], 75)
     updates = found.pivot(index="seed", columns="variant", values="updates")
-    return 100 * updates["PTAE"] / updates["PGAE"]
+    return (100 * updates["PTAE"] / updates["PGAE"]).dropna()
 
 
 def with_labels(model: str, column: str, mode: str, share: float, variant: str | None = None):

@@ -15,9 +15,10 @@ from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables
 from ptae_lite.paper.claims import CLAIMS
 
 HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
-NOT_TESTABLE = "not testable"
+NOT_TESTABLE, NOT_TRAINED = "not testable", "not trained"
 LONGER = f"{VARIANTS['long'].times} times the updates bring it"
-VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE)
+NOTHING = Tables(*[pd.DataFrame()] * 5)
+VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE, NOT_TRAINED)
 ASKED = [  # the conditions that a run needs for the claims about conflicts
     condition for condition in incongruence_table.ALL
     if condition.conflict_in in ("none", "congruent") or len(condition.aspects) == 3
@@ -25,16 +26,16 @@ ASKED = [  # the conditions that a run needs for the claims about conflicts
 ]  # fmt: skip
 
 
-def stored() -> Tables:
-    """The stored tables; of each, the rows of our recording.
+def stored(data: str = "recording") -> Tables:
+    """The rows of one data set in the stored tables: `recording` or `authors`.
 
     Raises:
         ArtefactError: a table is missing or damaged.
     """
     names = ("family", "family_curves", "supervision", "incongruence", "encoders")
     found = [pd.read_csv(artefacts.stored(f"results/{name}.csv")) for name in names]
-    own = [table[table["data"] == "recording"] if "data" in table else table for table in found]
-    tables = Tables(*own)
+    found[-1] = found[-1].assign(data="recording")  # the authors published no image files
+    tables = Tables(*(table[table["data"] == data] for table in found))
     return tables._replace(incongruence=tables.incongruence.fillna({"aspects": ""}))
 
 
@@ -48,19 +49,24 @@ def this_run(trained: Trained, samples: Samples) -> Tables:
     return Tables(pd.DataFrame([scores]), none, none, answers.assign(**head), none)
 
 
-def verdict(claim: ClaimTest, tables: Tables) -> tuple[str, str]:
-    """The verdict on a claim, one of `VERDICTS`, and a sentence about it."""
+def verdict(claim: ClaimTest, tables: Tables, theirs: bool = False) -> tuple[str, str]:
+    """The verdict on a claim, one of `VERDICTS`, and a sentence about it.
+
+    Args:
+        theirs: the tables are of the authors' data.
+    """
+    caveat, remark = claim.theirs if theirs else (claim.caveat, claim.remark)
     values = np.asarray(claim.values(tables), dtype=float)
     if claim.holds is None:
         return NOT_TESTABLE, claim.remark
     if not len(values):
-        return NOT_TESTABLE, "These trainings are not in the table yet."
+        return NOT_TRAINED, remark
     one = "One training." if len(values) == 1 and claim.trained else ""
     if claim.holds(values, tables):
-        why = " ".join(filter(None, (claim.caveat, one)))
+        why = " ".join(filter(None, (caveat, one)))
         return CAVEAT if why else HELD, why
     if claim.longer is None:
-        return NOT_HELD, " ".join(filter(None, (claim.remark, one)))
+        return NOT_HELD, " ".join(filter(None, (remark, one)))
     short, long = claim.longer(tables)
     if not len(long):
         return NOT_TESTABLE, "It was not trained longer, and with so few labels that may matter."
@@ -70,46 +76,71 @@ def verdict(claim: ClaimTest, tables: Tables) -> tuple[str, str]:
     if nearer > MARGIN.get(claim.unit, MARGIN["%"]):
         unit = "points" if claim.unit == "%" else claim.unit
         return NOT_TESTABLE, f"{LONGER} {nearer:.0f} {unit} nearer; more was not tried."
-    return NOT_HELD, " ".join(filter(None, (claim.remark, f"{LONGER} hardly nearer.", one)))
+    return NOT_HELD, " ".join(filter(None, (remark, f"{LONGER} hardly nearer.", one)))
 
 
-def card(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
-    """A row for each claim: the paper's number, ours, this run's, the verdict, and where to look.
+def card(ours: Tables, theirs: Tables = NOTHING, run: Tables = NOTHING) -> pd.DataFrame:
+    """The card as text, a row for each claim: its numbers, its verdicts, and where to look.
 
-    `ours` is the median of the trainings, with the lowest and the highest. The verdict is that of
-    the tables, not of the run.
+    `ours`, `theirs` and `this run` are the median of the trainings, with the lowest and the
+    highest. `verdict` and `why` are of our recording, `verdict_theirs` and `why_theirs` of the
+    authors' data.
+
+    Args:
+        ours: of our recording.
+        theirs: of the authors' data.
+        run: of a single model, see `this_run`.
     """
     rows = []
     for claim in CLAIMS:
-        judged, why = verdict(claim, tables)
+        (judged, why), (judged_theirs, why_theirs) = both(claim, ours, theirs)
         rows.append({
             "group": claim.group, "claim": claim.says, "paper": claim.paper,
-            "ours": written(claim, claim.values(tables)),
-            "this run": "" if run is None else written(claim, claim.values(run)),
+            "theirs": written(claim, claim.values(theirs)),
+            "ours": written(claim, claim.values(ours)),
+            "this run": written(claim, claim.values(run)),
+            "verdict_theirs": judged_theirs, "why_theirs": why_theirs,
             "verdict": judged, "why": why, "chapter": claim.chapter, "heading": claim.heading,
         })  # fmt: skip
     return pd.DataFrame(rows)
 
 
-def measured(tables: Tables, run: Tables | None = None) -> pd.DataFrame:
+def both(claim: ClaimTest, ours: Tables, theirs: Tables) -> tuple[tuple[str, str], ...]:
+    """The verdicts on both data sets, as `verdict` has them."""
+    return verdict(claim, ours), verdict(claim, theirs, theirs=True)
+
+
+def measured(ours: Tables, theirs: Tables = NOTHING, run: Tables = NOTHING) -> pd.DataFrame:
     """The card in numbers, for figures: a row for each claim.
 
-    `paper` and `reads` are the paper's number and its direction; `low`, `median` and `high` are of
-    our trainings, `run` is that of a single run. What there is none of is NaN.
+    `paper` and `reads` are the paper's number and its direction; `low`, `median`, `high` and
+    `verdict` are of our recording, those with `_theirs` of the authors' data, and `run` is that of
+    a single model. What there is none of is NaN.
+
+    Args:
+        ours, theirs, run: see `card`.
     """
     rows = []
     for claim in CLAIMS:
-        values = np.asarray(claim.values(tables), dtype=float)
-        own = np.asarray([] if run is None else claim.values(run), dtype=float)
-        low, middle, high = np.quantile(values, (0, 0.5, 1)) if len(values) else [np.nan] * 3
         paper, reads = (claim.number.value, claim.number.reads) if claim.number else (np.nan, "")
+        (judged, _), (judged_theirs, _) = both(claim, ours, theirs)
+        own = np.asarray(claim.values(run), dtype=float)
         rows.append({
             "group": claim.group, "claim": claim.says, "unit": claim.unit, "paper": paper,
-            "reads": reads, "margin": MARGIN.get(claim.unit, np.nan), "low": low,
-            "median": middle, "high": high, "run": np.median(own) if len(own) else np.nan,
-            "verdict": verdict(claim, tables)[0],
+            "reads": reads, "margin": MARGIN.get(claim.unit, np.nan),
+            **_range(claim, ours), **_range(claim, theirs, "_theirs"),
+            "run": np.median(own) if len(own) else np.nan,
+            "verdict": judged, "verdict_theirs": judged_theirs,
         })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def _range(claim: ClaimTest, tables: Tables, suffix: str = "") -> dict[str, float]:
+    values = np.asarray(claim.values(tables), dtype=float)
+    found = np.quantile(values, (0, 0.5, 1)) if len(values) else [np.nan] * 3
+    return {
+        f"{name}{suffix}": one for name, one in zip(("low", "median", "high"), found, strict=True)
+    }
 
 
 def written(claim: ClaimTest, values) -> str:

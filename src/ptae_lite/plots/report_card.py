@@ -21,7 +21,10 @@ LOOKS = {  # a verdict by colour and by the form of its mark
                            "markerfacecoloralt": "white"},
     "not held": {"color": style.RED, "marker": "o", "markerfacecolor": "white"},
     "not testable": {"color": style.GREY, "marker": "X"},
+    "not trained": {"color": style.GREY, "marker": "."},
 }  # fmt: skip
+OURS, THEIRS = "our recording", "authors' data"
+SUFFIX = {OURS: "", THEIRS: "_theirs"}  # of the columns of `measured`
 GOOD = "#D5EBE1"  # where ours has to lie
 TITLES = {"%": "answers in words, % right", "% NRMSE": "movements, error in % (NRMSE)",
           "": "claims in words: our median (lowest to highest)"}  # fmt: skip
@@ -49,7 +52,8 @@ def card(rows: pd.DataFrame, run: bool = False) -> Figure:
     )  # fmt: skip
     for axis, (kind, part), height in zip(axes[:, 0], parts.items(), heights, strict=True):
         texts, places, _ = laid[kind]
-        top = 1.08 * part[["high", "paper"]].max(axis=None) if kind == "% NRMSE" else 100
+        largest = part[["high", "high_theirs", "paper"]].max(axis=None)
+        top = 1.08 * largest if kind == "% NRMSE" else 100
         axis.set(title=TITLES[kind], ylim=(height, -0.6), yticks=[])
         axis.set_xlim(-0.03 * top, 1.03 * top)
         axis.spines["left"].set_visible(False)
@@ -68,20 +72,40 @@ def card(rows: pd.DataFrame, run: bool = False) -> Figure:
 def by_group(rows: pd.DataFrame) -> Figure:
     """How many claims of each group have which verdict: a mark for each claim."""
     groups = list(dict.fromkeys(rows["group"]))
-    figure, axis = plt.subplots(figsize=(style.WIDTH, 0.36 * len(groups) + 0.8))
+    figure, axis = plt.subplots(figsize=(style.WIDTH, 0.55 * len(groups) + 1.0))
     for y, group in enumerate(groups):
-        x = 0
-        for verdict, look in LOOKS.items():
-            count = int(((rows["group"] == group) & (rows["verdict"] == verdict)).sum())
-            axis.plot(np.arange(x, x + count), [y] * count, ls="", ms=6.5, **look)
-            x += count
+        for data, suffix in _sets(rows):
+            column, x = rows[f"verdict{suffix}"][rows["group"] == group], 0
+            for verdict in LOOKS:
+                count = int((column == verdict).sum())
+                axis.plot(np.arange(x, x + count), [y + _shift(rows, data)] * count, ls="", ms=6.5,
+                          **_look(verdict, data))  # fmt: skip
+                x += count
     axis.set_yticks(range(len(groups)), groups)
     axis.set(ylim=(len(groups) - 0.5, -0.5), xticks=[])
     axis.tick_params(axis="y", length=0)
     axis.grid(visible=False)
     axis.spines[["left", "bottom"]].set_visible(False)
-    figure.legend(handles=_verdicts(rows), loc="outside lower center", ncols=2)
+    figure.legend(handles=_verdicts(rows) + _data_sets(rows), loc="outside lower center", ncols=2)
     return style.closed(figure)
+
+
+def _sets(rows: pd.DataFrame) -> list[tuple[str, str]]:
+    """The data sets that some rows have a verdict for, with the suffix of their columns."""
+    trained = {data: (rows[f"verdict{suffix}"] != "not trained") for data, suffix in SUFFIX.items()}
+    testable = rows["verdict"] != "not testable"
+    return [(data, SUFFIX[data]) for data, there in trained.items() if (there & testable).any()]
+
+
+def _shift(rows: pd.DataFrame, data: str) -> float:
+    """Where a data set's mark lies about the line of its claim or group."""
+    return 0.0 if len(_sets(rows)) == 1 else {OURS: -0.2, THEIRS: 0.2}[data]
+
+
+def _look(verdict: str, data: str) -> dict:
+    """How a mark is drawn: its colour and filling say the verdict, its form the data set."""
+    look = LOOKS[verdict]
+    return look | {"marker": "s"} if data == THEIRS and look["marker"] == "o" else look
 
 
 def _lay_out(part: pd.DataFrame, in_words: bool) -> tuple[list, list, float]:
@@ -93,7 +117,7 @@ def _lay_out(part: pd.DataFrame, in_words: bool) -> tuple[list, list, float]:
         for _, row in rows.iterrows():
             lines = wrap(row["claim"], LABEL)
             texts.append((y, "\n".join(lines), False))
-            tall = len(wrap(_values(row), TEXT)) if in_words else 0.8
+            tall = sum(len(wrap(t, TEXT)) for t in _values(row)) if in_words else 0.8
             y += len(lines) + 0.45
             places.append(y + (tall - 1) / 2)
             y += tall + 0.35
@@ -101,13 +125,20 @@ def _lay_out(part: pd.DataFrame, in_words: bool) -> tuple[list, list, float]:
     return texts, places, y
 
 
-def _values(row: pd.Series) -> str:
-    """Our values as a text."""
-    if np.isnan(row["median"]):
-        return "nothing to compare"
+def _values(row: pd.Series) -> list[str]:
+    """Our values of each data set as a text: of our recording, then of the authors' data."""
     digits = 2 if "NRMSE" in row["unit"] or "million" in row["unit"] else 1
-    low, middle, high = (f"{row[name] + 0.0:.{digits}f}" for name in ("low", "median", "high"))
-    return f"{middle} ({low} to {high}) {row['unit']}" if low != high else f"{middle} {row['unit']}"
+    texts = []
+    for data, suffix in SUFFIX.items():
+        if np.isnan(row[f"median{suffix}"]):
+            continue
+        low, middle, high = (
+            f"{row[name + suffix] + 0.0:.{digits}f}" for name in ("low", "median", "high")
+        )
+        of = "" if data == OURS else f"{data}: "
+        between = f" ({low} to {high})" if low != high else ""
+        texts.append(f"{of}{middle}{between} {row['unit']}")
+    return texts or ["nothing to compare"]
 
 
 def _with_number(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
@@ -118,26 +149,42 @@ def _with_number(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
         high = row["paper"] + row["margin"]
     axis.barh(y, high - low, left=low, height=0.8, color=GOOD, zorder=1)
     axis.plot([row["paper"]] * 2, [y - 0.4, y + 0.4], color="black", lw=2, zorder=3)
-    look = LOOKS[row["verdict"]]
-    axis.plot([row["low"], row["high"]], [y, y], color=look["color"], lw=2, zorder=4)
-    axis.plot(row["median"], y, ls="", ms=6, zorder=5, **look)
+    for data, suffix in _sets(row.to_frame().T):
+        look, at = _look(row[f"verdict{suffix}"], data), y + _shift(row.to_frame().T, data)
+        ends = [row[f"low{suffix}"], row[f"high{suffix}"]]
+        axis.plot(ends, [at, at], color=look["color"], lw=2, zorder=4)
+        axis.plot(row[f"median{suffix}"], at, ls="", ms=5.5, zorder=5, **look)
     if run:
         axis.plot(row["run"], y, "D", color="black", mfc="none", ms=7, zorder=6)
 
 
 def _in_words(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
-    axis.plot(2, y, ls="", ms=6, **LOOKS[row["verdict"]])
-    axis.text(6, y, "\n".join(wrap(_values(row), TEXT)), va="center")
+    texts = [wrap(text, TEXT) for text in _values(row)]
+    top = y - (sum(map(len, texts)) - 1) / 2
+    for lines, (data, suffix) in zip(texts, SUFFIX.items(), strict=False):
+        at = top + (len(lines) - 1) / 2
+        axis.plot(2, at, ls="", ms=6, **_look(row[f"verdict{suffix}"], data))
+        axis.text(6, at, "\n".join(lines), va="center")
+        top += len(lines)
 
 
 def _verdicts(rows: pd.DataFrame) -> list[Line2D]:
-    there = [verdict for verdict in LOOKS if (rows["verdict"] == verdict).any()]
-    return [Line2D([], [], ls="", ms=6, label=verdict, **LOOKS[verdict]) for verdict in there]
+    there = rows[["verdict", "verdict_theirs"]] if len(_sets(rows)) == 2 else rows[["verdict"]]
+    return [Line2D([], [], ls="", ms=6, label=verdict, **LOOKS[verdict])
+            for verdict in LOOKS if (there == verdict).any(axis=None)]  # fmt: skip
+
+
+def _data_sets(rows: pd.DataFrame) -> list[Line2D]:
+    """Which form stands for which data set, if there are two."""
+    if len(_sets(rows)) == 1:
+        return []
+    return [Line2D([], [], ls="", ms=6, marker=marker, color="black", mfc="none", label=data)
+            for data, marker in ((OURS, "o"), (THEIRS, "s"))]  # fmt: skip
 
 
 def _legend(rows: pd.DataFrame, run: bool) -> list:
     """What is there: verdicts, and for claims with a number the parts of their axis."""
-    handles: list = _verdicts(rows)
+    handles: list = _verdicts(rows) + _data_sets(rows)
     if rows["paper"].notna().any():
         handles.append(Line2D([], [], color="black", lw=2, ls="", marker="|", ms=9, mew=2,
                               label="the paper's number"))  # fmt: skip
