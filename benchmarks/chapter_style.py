@@ -29,7 +29,7 @@ RETOLD = [  # grows with each chapter that is rewritten
     "01_simulation", "02_vision", "03_crossmodal_transformer", "04_limited_supervision",
     "05_incongruence", "06_closed_loop", "07_report_card", "in_depth/01_motion",
     "in_depth/02_comparing_encoders", "in_depth/03_family", "in_depth/03_training",
-    "in_depth/03_execute", "in_depth/04_few_labels", "in_depth/04_how_often",
+    "in_depth/03_muon", "in_depth/03_execute", "in_depth/04_few_labels", "in_depth/04_how_often",
     "in_depth/04_pseudo_labels", "in_depth/05_conflict", "in_depth/06_acting",
     "in_depth/06_open_eyes", "in_depth/07_card",
 ]  # fmt: skip

@@ -133,13 +133,13 @@ def study(samples: Samples, folder, variants=REGULAR, seeds=(0, 1, 2), weights=N
     return run(STUDY, samples, jobs, folder, weights, **where)
 
 
-def summary(table: pd.DataFrame, columns) -> pd.DataFrame:
+def summary(table: pd.DataFrame, columns, digits: int = 1) -> pd.DataFrame:
     """Each variant's median of some columns over the seeds, with the lowest and the highest."""
 
     def written(values: pd.Series) -> str:
         if len(values) == 1:
-            return f"{values.iloc[0]:.1f} (one seed)"
-        low, middle, high = (f"{v:.1f}" for v in (values.min(), values.median(), values.max()))
+            return f"{values.iloc[0]:.{digits}f} (one seed)"
+        low, middle, high = (f"{v:.{digits}f}" for v in (values.min(), values.median(), values.max()))
         if low == high:
             return f"{middle}\u00a0(all)"
         return f"{middle}\u00a0({low}\u00a0to\u00a0{high})"  # not broken across lines
