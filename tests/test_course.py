@@ -367,20 +367,18 @@ def test_the_answers_on_the_report_card_are_true_of_its_tables(play):
         paper, margin = names["numbers"][says][1], MARGIN[names["units"][says]]
         assert abs(rules.loc[says, "ours"] - paper.value) > 3 * margin
 
-    family = names["family"]
-    ours, theirs = family.loc["recording"], family.drop("recording")
-    assert ours["describe_accuracy"].max() < 100 and np.ptp(ours["describe_accuracy"]) > MARGIN["%"]
-    errors, paper = ours["execute_nrmse"], reported.REGULAR["execute_nrmse"].value
-    assert np.ptp(errors) < MARGIN["% NRMSE"] / 2
-    assert theirs["execute_nrmse"].max() < paper < errors.min()
-    table = pd.read_csv(artefacts.stored("results/family.csv"))
-    longer = table.query("variant == 'PTAE, long' and data == 'recording'")
-    assert set(longer["steps"]) == {8 * ours["steps"].max()} and longer["seed"].nunique() == 3
-    median = longer["execute_nrmse"].median()
-    assert median < paper + MARGIN["% NRMSE"] and median < (errors.median() + paper) / 2
+    family, table = names["family"], pd.read_csv(artefacts.stored("results/family.csv"))
+    assert family["seed"].nunique() == 3
+    errors, paper = family["execute_nrmse"], reported.REGULAR["execute_nrmse"].value
+    assert np.ptp(errors) < MARGIN["% NRMSE"] / 2 and errors.median() > paper + MARGIN["% NRMSE"]
+    assert np.ptp(family["describe_accuracy"]) > MARGIN["%"]
+    today = table.query("variant == 'PTAE' and data == 'recording'")
+    assert set(today["steps"]) == set(family["steps"])
+    assert set(today["batch"]) == set(family["batch"])
+    assert card.loc["PTAE executes", "verdict"] == "held"
+    assert today["execute_nrmse"].median() < paper
     times = reported.STEPS["ptae"] * 6 / (family["steps"] * family["batch"]).max()
-    assert times * ours["seconds"].median() > 3600
-    assert card.loc["PTAE executes", "verdict"] == "not held"
+    assert times * family["seconds"].median() > 3600
     assert card.index[0] == "PTAE describes"
 
 

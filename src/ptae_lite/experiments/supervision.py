@@ -41,7 +41,7 @@ SHARES = {  # percent: of the 648 training samples, and of the updates
     "samples": (1, 2, 5, 10, 20, 50, 66.6, 100),
     "iterations": (1, 2, 10, 20, 50, 66.6),
 }
-REGULAR = {"samples": 100, "iterations": 66.6}  # one training: chapter 03's
+REGULAR = {"samples": 100, "iterations": 66.6}  # one training, with all labels
 ORDER = (10, 2, 50, 20, 5, 1, 66.6, 100)  # so that a stopped study already covers the range
 DRAWS = 20  # of labels for the linear baseline, which takes no time
 SEEDS = (0, 1, 2)
