@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from ptae_lite import artefacts
+from ptae_lite.data.samples import load_samples
+from ptae_lite.data.signals import Source
 from ptae_lite.evaluation import respond
 from ptae_lite.experiments import answer_source, incongruence, incongruence_table
 from ptae_lite.experiments.incongruence import EXTRA_INPUT, Condition
 from ptae_lite.language import parse, pattern
+from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 
 SEEDS = 3
@@ -24,12 +27,20 @@ def table():
 
 @pytest.fixture(scope="module")
 def regular(table):
-    return table[table["model"] == "ptae"]
+    return table[table["model"] == "ptae_adam"]
 
 
 @pytest.fixture(scope="module")
 def costs(table):
     return incongruence_table.damage(table).set_index(["model", "signal"]).sort_index()
+
+
+@pytest.fixture(scope="module")
+def asked():
+    """The model of chapter 05, the recording, its source for the model, the test samples."""
+    samples = load_samples("recording")
+    ptae = checkpoint.load(artefacts.stored("weights/ptae_adam.safetensors"))
+    return ptae, samples, Source(ptae.dataset(samples)), samples.split("test")
 
 
 def single(rows, signal, place, aspect, column="value"):
@@ -41,8 +52,9 @@ def single(rows, signal, place, aspect, column="value"):
 def test_every_model_was_trained_three_times_and_tried_under_everything(table):
     for name in incongruence_table.MODELS:
         rows = table[table["model"] == name]
-        assert set(rows["seed"]) == set(range(SEEDS))
-        assert len(rows) == len(incongruence_table.ALL) * SEEDS
+        seeds = set(rows["seed"])
+        assert seeds >= set(range(SEEDS)) and (name == "ptae") == (len(seeds) > SEEDS)
+        assert len(rows) == len(incongruence_table.ALL) * len(seeds)
     assert not table.duplicated(incongruence_table.KEY).any()
 
 
@@ -52,7 +64,7 @@ def says(holds, sentence):
 
 
 def test_the_format_costs_next_to_nothing(costs, regular):
-    own = costs.loc["ptae"]
+    own = costs.loc["ptae_adam"]
     words, motions = own.loc[list(WORDS), "format"], own.loc[list(MOTIONS), "format"]
     says(words < 2, "A true extra input costs next to nothing (05, words)")
     says(motions < 0.15, "A true extra input costs next to nothing (05, motion)")
@@ -64,7 +76,7 @@ def test_the_format_costs_next_to_nothing(costs, regular):
 
 
 def test_the_asymmetry_is_there_with_every_seed(costs):
-    own = costs.loc["ptae", "conflict"]
+    own = costs.loc["ptae_adam", "conflict"]
     says(own["repeat language"].min() > own["describe"].max(),
          "The asymmetry is there, with every training (05, words)")  # fmt: skip
     says(own["repeat language"] > 95, "a false speed takes everything (05, figure 5.5)")
@@ -201,12 +213,13 @@ def test_every_model_reaches_the_level(table):
     sentence = "Both models reach the regular level without extra input, each time (05)"
     for name in incongruence_table.MODELS:
         for signal in MOTIONS:
-            worst = at(table, "ptae", signal, "none").max()
+            worst = at(table, "ptae_adam", signal, "none").max()
             says(at(table, name, signal, "none") < 1.1 * worst, sentence)
         for signal in WORDS:
-            worst = at(table, "ptae", signal, "none").min()
+            worst = at(table, "ptae_adam", signal, "none").min()
             says(at(table, name, signal, "none") > worst - 3, sentence)
-    says(at(table, "ptae", "repeat language", "none") > 98, "it hardly ever fails (05, the hook)")
+    says(at(table, "ptae_adam", "repeat language", "none") > 98,
+         "it hardly ever fails (05, the hook)")  # fmt: skip
 
 
 def gaps(costs, model, costly, cheap):
@@ -216,12 +229,13 @@ def gaps(costs, model, costly, cheap):
 
 
 def test_two_way_attention_takes_a_part_of_the_asymmetry_in_motion_away(costs):
-    both, one = costs.loc["ptae_two_way", "conflict"], costs.loc["ptae", "conflict"]
+    both, one = costs.loc["ptae_two_way", "conflict"], costs.loc["ptae_adam", "conflict"]
     says(both["repeat action"].mean() > 2 * one["repeat action"].mean(),
          "A false sentence costs several times what it costs the regular model (05)")  # fmt: skip
     says(both["execute"].mean() < one["execute"].mean(),
          "a false clip costs execute a little less (in depth)")  # fmt: skip
-    was, now = (gaps(costs, name, "execute", "repeat action") for name in ("ptae", "ptae_two_way"))
+    was, now = (gaps(costs, name, "execute", "repeat action")
+                for name in ("ptae_adam", "ptae_two_way"))  # fmt: skip
     says(0.4 < now.mean() / was.mean() < 0.65 and now.min() > 0,
          "The gap shrinks to little more than half (05 and in depth)")  # fmt: skip
 
@@ -231,7 +245,7 @@ def test_two_way_attention_changes_little_in_words(costs):
     says(both["repeat language"].min() > 90 and both["describe"].mean() > 50,
          "nearly all from repeat language, more than half from describe (in depth)")  # fmt: skip
     was, now = (gaps(costs, name, "repeat language", "describe")
-                for name in ("ptae", "ptae_two_way"))  # fmt: skip
+                for name in ("ptae_adam", "ptae_two_way"))  # fmt: skip
     says(0.7 < now.mean() / was.mean() < 1.1, "In words it hardly changes (05)")
 
 
@@ -252,8 +266,8 @@ def told_apart(table, model, aspects):
 
 
 def test_without_speed_little_of_the_asymmetry_is_left(table, costs):
-    heard, seen = told_apart(table, "ptae", "action colour")
-    own = costs.loc["ptae", "conflict"]
+    heard, seen = told_apart(table, "ptae_adam", "action colour")
+    own = costs.loc["ptae_adam", "conflict"]
     gap = own["repeat language"].mean() - own["describe"].mean()
     says(abs(heard.mean() - seen.mean()) < gap / 2, "most of it was the speed (05)")
 
@@ -272,7 +286,7 @@ def test_a_training_with_true_extra_input_turns_the_asymmetry_round(table):
 
 
 def test_in_motion_the_false_action_turns_round_as_well(table):
-    for model, sign in (("ptae", 1), ("ptae_congruent", -1)):
+    for model, sign in (("ptae_adam", 1), ("ptae_congruent", -1)):
         rows = table[table["model"] == model]
         clip = single(rows, "execute", "action", "action")
         word = single(rows, "repeat action", "language", "action")
@@ -302,3 +316,45 @@ def test_a_conflict_hardly_moves_the_attention_and_the_format_does(asked):
         )
         says(by_conflict < 15 and by_conflict < by_format / 2,
              "The format moves the attention, the conflict hardly (in depth)")  # fmt: skip
+
+
+def test_in_words_the_model_of_chapter_03_believes_the_sentence(table, costs):
+    own, rows = costs.loc["ptae", "conflict"], table[table["model"] == "ptae"]
+    says(own["describe"].min() > own["repeat language"].max(),
+         "In words it has changed sides, with every training (05, figure 5.9)")  # fmt: skip
+    says(own["describe"].mean() > 80, "nearly 90 in describe (05, figure 5.9)")
+    says(single(rows, "describe", "language", "action", "action_taken") > 75,
+         "It repeats what it has read (05)")  # fmt: skip
+    says(single(rows, "describe", "language", "speed") < 98,
+         "Even a false speed word is heard (in depth)")  # fmt: skip
+    whole = single(rows, "repeat language", "action", "speed")
+    says(whole < 98, "repeat language loses words to a clip of another speed (in depth)")
+    for part in ("vision", "proprioception"):
+        says(single(rows, "repeat language", part, "speed") > 95,
+             "The video alone or the joints alone mislead it hardly ever (in depth)")  # fmt: skip
+
+
+def test_in_motion_the_asymmetry_stays_and_both_costs_are_smaller(table, costs):
+    own, was = costs.loc["ptae", "conflict"], costs.loc["ptae_adam", "conflict"]
+    says(gaps(costs, "ptae", "execute", "repeat action") > 0, "In motion the asymmetry stays (05)")
+    for signal in MOTIONS:
+        says(own[signal].mean() < was[signal].mean(), "and both costs are smaller (05)")
+    rows = table[table["model"] == "ptae"]
+    for aspect in ("action", "position"):
+        says(single(rows, "execute", "action", "speed").mean()
+             > single(rows, "execute", "action", aspect).mean(),
+             "In execute a false speed is still the worst (in depth)")  # fmt: skip
+
+
+def test_on_the_authors_data_the_clip_is_believed_more_but_not_always():
+    rows = incongruence_table.read(artefacts.stored("results/incongruence.csv"), "authors")
+    paid = incongruence_table.damage(rows).set_index(["model", "signal"]).sort_index()
+    words = gaps(paid, "ptae", "repeat language", "describe")
+    says(words.mean() > 0 and 0 < (words < 0).sum() < len(words) / 2,
+         "the clip is believed more, and not with every training (in depth)")  # fmt: skip
+    says(gaps(paid, "ptae", "execute", "repeat action") > 0, "In motion it is there with each")
+    own = paid.loc["ptae"]
+    for signal in MOTIONS:
+        of = own.loc[signal]
+        says((of["format"] > 0.3).mean() > 0.5,
+             "the format alone makes the motion worse (in depth)")  # fmt: skip

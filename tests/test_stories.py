@@ -44,7 +44,7 @@ def stored():
 @pytest.fixture(scope="module")
 def table():
     found = incongruence_table.read(artefacts.stored("results/incongruence.csv"))
-    return found[found["model"] == "ptae"]
+    return found[found["model"] == "ptae_adam"]
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@
     python -m ptae_lite.experiments.conflict_examples           # into build/results, to look at
     python -m ptae_lite.experiments.conflict_examples --store   # into data/results, with origin
 
-The command runs the stored PTAE; run it again when its weights change. It takes pictures of the
-clip and its distractors from a recording's folder (`python -m ptae_lite record`).
+The command runs the stored PTAE of chapter 05; run it again when its weights change. It takes
+pictures of the clip and its distractors from a recording's folder (`python -m ptae_lite record`).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from ptae_lite.models import checkpoint
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.pipes import piped
 
-MODEL = "weights/ptae.safetensors"
+MODEL = "weights/ptae_adam.safetensors"
 ANSWERS, KEPT = "incongruence_examples.csv", "incongruence_examples.npz"
 KEY = ["sample", "signal", "conflict_in", "conflicts", "aspects"]
 SHOTS, SHOT_PX = 6, (80, 60)  # pictures in a row, and their width and height

@@ -139,7 +139,8 @@ def summary(table: pd.DataFrame, columns, digits: int = 1) -> pd.DataFrame:
     def written(values: pd.Series) -> str:
         if len(values) == 1:
             return f"{values.iloc[0]:.{digits}f} (one seed)"
-        low, middle, high = (f"{v:.{digits}f}" for v in (values.min(), values.median(), values.max()))
+        found = values.min(), values.median(), values.max()
+        low, middle, high = (f"{value:.{digits}f}" for value in found)
         if low == high:
             return f"{middle}\u00a0(all)"
         return f"{middle}\u00a0({low}\u00a0to\u00a0{high})"  # not broken across lines

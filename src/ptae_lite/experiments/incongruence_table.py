@@ -1,12 +1,13 @@
 """The study of incongruence: each model under each condition, and what its answers follow.
 
-Three models are compared, each with several seeds:
+Four models are compared, each with several seeds:
 
 - `ptae`: the regular one;
+- `ptae_adam`: the same network, trained with Adam alone, as are the next two;
 - `ptae_two_way`: words query the frames and frames query the words. The paper's discussion proposes
   this against the asymmetry. It has twice the epochs; with fewer it repeats no language reliably;
-- `ptae_congruent`: the regular one, but half of its training samples, of all signals, have a true
-  extra input. So it knows the format of a conflict.
+- `ptae_congruent`: half of its training samples, of all signals, have a true extra input. So it
+  knows the format of a conflict.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from ptae_lite.experiments.incongruence import (
     respond_under,
 )  # fmt: skip
 from ptae_lite.experiments.runner import Study, check_names, run
+from ptae_lite.models import ADAM
 from ptae_lite.models.checkpoint import Trained
 
 FILE = "incongruence.csv"
@@ -56,9 +58,11 @@ class Variant(NamedTuple):
 
 MODELS = {
     "ptae": Variant(),
-    "ptae_two_way": Variant({"queries": "both"}, {"epochs": 160}),
-    "ptae_congruent": Variant(recipe={"p_congruent_input": 0.5}),
+    "ptae_adam": Variant(recipe=ADAM["ptae"]),
+    "ptae_two_way": Variant({"queries": "both"}, ADAM["ptae"] | {"epochs": 160}),
+    "ptae_congruent": Variant(recipe=ADAM["ptae"] | {"p_congruent_input": 0.5}),
 }
+NAMES = {"ptae_adam": "ptae, Adam"}  # of files of weights, as in the family
 
 
 def asked_under(
@@ -111,7 +115,7 @@ def rows_of(
 
 def experiment_of(samples: Samples, data: str, model: str, seed: int) -> Experiment:
     """The training of a model."""
-    return experiment(samples, "ptae", *MODELS[model], seed, name=model)
+    return experiment(samples, "ptae", *MODELS[model], seed, name=NAMES.get(model, model))
 
 
 def score(trained: Trained, samples: Samples, data: str, model: str, seed: int) -> pd.DataFrame:
@@ -133,9 +137,14 @@ def study(samples: Samples, folder, models=tuple(MODELS), seeds=(0, 1, 2), weigh
     return read(Path(folder) / FILE)
 
 
-def read(path) -> pd.DataFrame:
-    """The table. An empty text, which a file gives back as a missing value, is empty again."""
-    return pd.read_csv(path).fillna({"aspects": ""})
+def read(path, data: str = "recording") -> pd.DataFrame:
+    """The rows of one data set. Empty texts, which a file gives as missing values, are empty again.
+
+    Args:
+        data: `recording` or `authors`.
+    """
+    table = pd.read_csv(path).fillna({"aspects": ""})
+    return table[table["data"] == data].copy()
 
 
 def damage(table: pd.DataFrame) -> pd.DataFrame:

@@ -68,7 +68,8 @@ def turned(table: pd.DataFrame) -> Figure:
              for aspects in (("action",), ("colour",), ("action", "colour"))]  # fmt: skip
     asked.append((("repeat action", "execute"), ("action",), "NRMSE, %"))
     for axis, (signals, aspects, label) in zip(axes.flat, asked, strict=True):
-        for k, (name, (model, colour, dash, mark)) in enumerate(MODELS.items()):
+        for k, name in enumerate(name for name in MODELS if name in set(table["model"])):
+            model, colour, dash, mark = MODELS[name]
             own = table[table["model"] == name]
             seeds = [_false(own, signal, aspects) for signal in signals]
             for x, values in enumerate(seeds):

@@ -22,9 +22,10 @@ LOOKS = {  # of a line of conflicts, by where they are
 }  # fmt: skip
 CONTROLS = {"congruent": (style.ORANGE, "D"), "congruent_other": (style.PURPLE, "X")}
 MODELS = {
-    "ptae": ("regular", style.BLUE, "-", "o"),
+    "ptae_adam": ("trained with Adam alone", style.BLUE, "-", "o"),
     "ptae_two_way": ("two-way attention", style.RED, "--", "s"),
     "ptae_congruent": ("trained with extra input", style.GREEN, "-.", "^"),
+    "ptae": ("chapter 03's", style.PURPLE, ":", "D"),
 }
 FILLS = {  # of a bar, and its hatch
     "truth": (style.SKY, ""), "distractor": (style.RED, "///"), "mixture": (style.ORANGE, "..."),
