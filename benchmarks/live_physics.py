@@ -37,7 +37,9 @@ from ptae_lite.watching_actor import actor_of
 
 SEED, REPLAY, RANDOM = 0, "replay", "random"
 AWAY_M, TURNED_RAD = 0.03, 0.7  # of cubes at random: along each axis, and about the vertical
-MODELS = {"one_look_policy": "policy", "ptae": "ptae", "watching": "watching"}  # and their packs
+MODELS = {  # and their packs
+    "one_look_policy": "policy", "ptae": "ptae_adam", "watching": "watching",
+}  # fmt: skip
 ONE_LOOK = "one_look_policy"
 CONDITIONS = ("test", "displaced", "new_family", "swapped_speed", "blank")  # 648 episodes
 WATCHING = "watching"

@@ -61,11 +61,12 @@ def write(folder) -> dict:
             parts["words"] = numbers(described.words.exp())
             parts["attention"] = numbers(described.attention[:, :, :2])
             told["said"] = evaluation.sentences(described)
-            told["labelled"] = {"ptae": told["said"]}
+        if name == "ptae_adam":
             told["conflicts"], answers = conflicts(trained, samples, source, test, wording)
             parts |= {f"conflict_{key}": numbers(rows) for key, rows in answers.items()}
-    for name in models.choices()["labelled"].keys() - {"ptae"}:
-        trained = checkpoint.load(artefacts.stored(models.MORE[name]))
+    told["labelled"] = {}
+    for name in models.choices()["labelled"]:
+        trained = checkpoint.load(artefacts.stored(models.shipped()[name]))
         described = evaluation.respond(trained, Source(trained.dataset(samples)), test, "describe")
         told["labelled"][name] = evaluation.sentences(described)
     told["watched"], answers = watched(samples, test, told["sentences"])

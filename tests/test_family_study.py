@@ -13,7 +13,6 @@ import ptae_lite.__main__ as cli
 from ptae_lite import artefacts
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import family, tables
-from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.models import MODELS
 from ptae_lite.training import Recipe
 
@@ -53,21 +52,6 @@ def test_what_is_there_is_not_trained_again(few, quick, tmp_path):
     before = (tmp_path / "family.csv").read_bytes()
     family.study(few, tmp_path, TWO, (0,))
     assert len(quick) == 2 and (tmp_path / "family.csv").read_bytes() == before
-
-
-def test_trainings_by_other_recipes_are_made_only_when_they_are_named(
-    few, trained, tmp_path, monkeypatch
-):
-    def made(_, samples, data, variant, seed):
-        return pd.DataFrame([{"data": data, "variant": variant, "seed": seed}])
-
-    monkeypatch.setattr(Experiment, "fit", lambda *_: trained)
-    monkeypatch.setattr(family, "STUDY", replace(family.STUDY, score=made))
-    regular = set(family.study(few, tmp_path, seeds=(0,))["variant"])
-    others = ("PTAE, long", "PGAE, long", "PTAE, Muon", "PGAE, Muon", "PVAE, Muon")
-    assert set(family.VARIANTS) - regular == set(others)
-    named = family.study(few, tmp_path, others, (0,))
-    assert set(named["variant"]) == set(family.VARIANTS)
 
 
 @pytest.mark.slow

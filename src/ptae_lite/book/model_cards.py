@@ -54,8 +54,12 @@ def _of_encoder(name: str) -> Callable[[dict], pd.DataFrame]:
     return rows
 
 
-def _of_model(about: dict) -> pd.DataFrame:
-    return _stored(_table("family").query("data == 'recording' and variant == 'PTAE'"), about)
+def _of_model(variant: str) -> Callable[[dict], pd.DataFrame]:
+    def rows(about: dict) -> pd.DataFrame:
+        found = _table("family").query("data == 'recording' and variant == @variant")
+        return _stored(found, about)
+
+    return rows
 
 
 def _of_policy(about: dict) -> pd.DataFrame:
@@ -97,7 +101,8 @@ KINDS = {
                 _of_encoder("separated 3x10")),
     "plain_cae": Kind("Image encoder, plain", "a camera image", "10 numbers",
                       _of_encoder("plain 10")),
-    "ptae": Kind("PTAE, the paired transformed autoencoder", CLIP, MOTION, _of_model),
+    "ptae": Kind("PTAE, the paired transformed autoencoder", CLIP, MOTION, _of_model("PTAE")),
+    "ptae_adam": Kind("PTAE, trained with Adam alone", CLIP, MOTION, _of_model("PTAE, Adam")),
     **{f"ptae_labelled_{share}": Kind(f"PTAE with {share} % of the labels", CLIP, MOTION,
                                       _of_labelled(share)) for share in (5, 20)},
     "one_look_policy": Kind("PTAE as a policy that looks once", "a sentence, and the first camera "

@@ -53,7 +53,7 @@ VARIANTS = {
     "PTAE, no mixup": Variant("ptae", recipe={"mixup": False}),
     "PRAE": Variant("prae"),
 } | {f"{name.upper()}, Adam": Variant(name, recipe=ADAM[name]) for name in ADAM}
-REGULAR = tuple(name for name in VARIANTS if not name.endswith("Adam"))
+CHOICES = tuple(name for name in VARIANTS if not name.endswith("Adam"))  # all have Muon
 # Sentences of the paper, and the two variants that each compares. Of the first two sentences, the
 # first variant is the one that the paper calls better.
 CLAIMS = {
@@ -125,7 +125,7 @@ STUDY = Study("family.csv", KEY, experiment_of, score,
               companions={"family_curves.csv": [*KEY, "epoch"]}, watch=watch)  # fmt: skip
 
 
-def study(samples: Samples, folder, variants=REGULAR, seeds=(0, 1, 2), weights=None,
+def study(samples: Samples, folder, variants=tuple(VARIANTS), seeds=(0, 1, 2), weights=None,
           **where) -> pd.DataFrame:  # fmt: skip
     """Run every variant with one seed, then with the next; see `runner.run`."""
     check_names(variants, VARIANTS, "variant")
@@ -199,8 +199,8 @@ def add_options(parser: ArgumentParser) -> None:
     data_options(parser)
     options.trainings(parser)
     options.weights(parser)
-    parser.add_argument("--variants", nargs="+", metavar="NAME", default=REGULAR,
-                        help="which; the long ones and Muon's only if named")  # fmt: skip
+    every = tuple(VARIANTS)
+    parser.add_argument("--variants", nargs="+", metavar="NAME", default=every, help="which")
 
 
 def command(given) -> dict:

@@ -103,13 +103,9 @@ STAGES = (
           "--out {out}/results", {  # the stages below use its PTAE
         "results/family.csv": table(family.KEY, SCORED, 0.9),
         "results/family_curves.csv": table([*family.KEY, "epoch"], {"accuracy": (25, 0)}, 0.8),
-        "weights/ptae.safetensors": SCORES},
-        0, 24, lies={"weights/ptae.safetensors": "weights/ptae_seed0.safetensors"}),
-    Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
-          "--out {out}/results", {
-        "results/incongruence_examples.csv": texts(conflict_examples.KEY, "answer", 0.6),
-        "results/incongruence_examples.npz": arrays({"joints": 0.05, "strips": 4}, 0.9)},
-        simulator=True),
+        "weights/ptae.safetensors": SCORES, "weights/ptae_adam.safetensors": SCORES},
+        0, 27, lies={f"weights/{name}.safetensors": f"weights/{name}_seed0.safetensors"
+                     for name in ("ptae", "ptae_adam")}),
     Stage("recipes",  # both stored seeds: with 56 labels one training says little
           "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 1 "
           "--out {out}/results",
@@ -125,6 +121,11 @@ STAGES = (
         "results/supervision_sentences.csv": table([*supervision.KEY, "sample"], ANSWERS, 0.7),
         "weights/ptae_labelled_5_seed0.safetensors": scores(10, 1.5),  # 33 labels say little
         "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 37),
+    Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
+          "--out {out}/results", {
+        "results/incongruence_examples.csv": texts(conflict_examples.KEY, "answer", 0.6),
+        "results/incongruence_examples.npz": arrays({"joints": 0.05, "strips": 4}, 0.9)},
+        simulator=True),
     Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
           "--seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(
