@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """How long the book's jobs take here, and how well the result does, beside their limits.
 
-    python benchmarks/run.py [NAME ...] [--full] [--json]
+    python benchmarks/run.py [NAME ...] [--full] [--json] [--store]
 
-Names: recording, cae, cae_step, features, steps, describing, ptae, memory, chapters; all of them if
-none is given. A job of minutes is measured on a fair part and extrapolated to the whole; `--full`
-does it whole. The last column says which. Run it on an idle machine: beside other work, two threads
-may take ten times as long.
+Names: recording, cae, cae_step, features, steps, describing, ptae, elders, memory, chapters; all of
+them if none is given. A job of minutes is measured on a fair part and extrapolated to the whole;
+`--full` does it whole. The last column says which. `--store` writes the rows to data/results, where
+a page shows them. Run it on an idle machine: beside other work, two threads may take ten times as
+long.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import asdict, replace
+from datetime import date
 from functools import partial
 from pathlib import Path
 
@@ -29,6 +32,7 @@ from steps import describing, steps
 ROOT = Path(__file__).resolve().parents[1]
 ALL_FRAMES = 64_800  # of the 864 samples
 REPEATS = 3
+NAME = "results/benchmarks.csv"
 # Patterns whose six variations are recorded in one repeat: each action, both sides and speeds.
 RECORDED = ((0, 4, 74, 75), (1, 5, 72, 76), (2, 3, 73, 77))
 CAE_STEPS, WARM_UP = 12, 2  # the first steps do not count
@@ -137,6 +141,23 @@ def features(options) -> list[Row]:
     return [row.extrapolate(seconds, ALL_FRAMES, how)]
 
 
+def elders(options) -> list[Row]:
+    """PTAE's elders: an epoch or two of each."""
+    from ptae_lite import training
+    from ptae_lite.data.samples import load_samples
+    from ptae_lite.models import MODELS
+
+    samples, rows = load_samples(), []
+    for model, limit in (("pgae", 6), ("pvae", 4)):
+        recipe, times = MODELS[model].recipe, []
+        short = recipe if options.full else replace(recipe, epochs=REPEATS)
+        training.train(samples, short, model=model, progress=laps(times))
+        row = Row(f"training {model.upper()}, 1 thread", limit, value=sum(times) / 60)
+        how = f"{REPEATS} of {recipe.epochs} epochs"
+        rows.append(row if options.full else row.extrapolate(times, recipe.epochs, how))
+    return rows
+
+
 def ptae(options) -> list[Row]:
     from ptae_lite import artefacts, training
     from ptae_lite.data.samples import load_samples
@@ -145,7 +166,7 @@ def ptae(options) -> list[Row]:
     from ptae_lite.models import MODELS, checkpoint
 
     samples, recipe, times = load_samples(), MODELS["ptae"].recipe, []
-    row, right = Row("training PTAE, 1 thread", 10), Row("PTAE describes the test samples", 95, "%")
+    row, right = Row("training PTAE, 1 thread", 3), Row("PTAE describes the test samples", 95, "%")
     right.at_most = False
     short = recipe if options.full else replace(recipe, epochs=REPEATS)
     trained = training.train(samples, short, progress=laps(times))
@@ -221,9 +242,33 @@ def chapters(options, root: Path = ROOT) -> list[Row]:
 
 JOBS = {
     job.__name__: job
-    for job in (recording, cae, cae_step, features, steps, describing, ptae, memory, chapters)
-}
-THREADS = {"cae": 2, "cae_step": 1, "features": 2, "steps": 1, "describing": 1, "ptae": 1}
+    for job in (
+        recording, cae, cae_step, features, steps, describing, ptae, elders, memory, chapters,
+    )
+}  # fmt: skip
+THREADS = {"cae": 2, "features": 2}
+THREADS |= dict.fromkeys(("cae_step", "steps", "describing", "ptae", "elders"), 1)
+
+
+def store(rows: list[Row], machine: dict, names: list[str], minutes: float) -> None:
+    """Write the rows to data/results/benchmarks.csv, with machine, load and date."""
+    import pandas as pd
+
+    from ptae_lite import artefacts
+
+    table = pd.DataFrame([asdict(row) | {"holds": row.holds} for row in rows])
+    table = table.assign(**machine, processor=processor(), date=str(date.today()))
+    table.round(3).to_csv(artefacts.data_folder() / NAME, index=False, lineterminator="\n")
+    command = " ".join(["python benchmarks/run.py", *names, "--store"])
+    artefacts.register(NAME, command=command, seed=None, minutes=minutes)
+
+
+def processor() -> str:
+    """The name of the processor, where the system tells it."""
+    about = Path("/proc/cpuinfo")
+    lines = about.read_text().splitlines() if about.is_file() else []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor()
 
 
 def main(arguments=None) -> int:
@@ -233,6 +278,8 @@ def main(arguments=None) -> int:
     parser.add_argument("--json", action="store_true", help="print JSON, not a table")
     parser.add_argument("--data", default=ROOT / "build" / "recording",
                         help="recording for memory, or for cae, features with --full")  # fmt: skip
+    parser.add_argument("--store", action="store_true",
+                        help="write the rows to data/results/benchmarks.csv")  # fmt: skip
     options = parser.parse_args(arguments)
     for name in options.names:
         if name not in JOBS:
@@ -240,7 +287,7 @@ def main(arguments=None) -> int:
     load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else "unknown"
     machine = {"system": platform.platform(terse=True), "cores": os.cpu_count(),
                "python": platform.python_version(), "load before": load}  # fmt: skip
-    rows = []
+    rows, begun = [], time.perf_counter()
     for name in options.names or JOBS:
         print(f"measuring {name} ...", file=sys.stderr, flush=True)
         if name in THREADS:
@@ -248,6 +295,8 @@ def main(arguments=None) -> int:
 
             torch.set_num_threads(THREADS[name])
         rows += JOBS[name](options)
+    if options.store:
+        store(rows, machine, options.names, (time.perf_counter() - begun) / 60)
     if options.json:
         rows = [asdict(row) | {"holds": row.holds} for row in rows]
         print(json.dumps({"machine": machine, "rows": rows}))

@@ -50,12 +50,13 @@ def steps(options) -> list[Row]:
     from ptae_lite.data.samples import load_samples
     from ptae_lite.models import MODELS
     from ptae_lite.models.common import losses
+    from ptae_lite.optimisers import Optimiser
 
     samples, rows = load_samples(), []
     for name in ("ptae", "pgae"):
         make, config, _ = MODELS[name]
         model = make(config(features=samples.features.shape[2]))
-        optimiser = torch.optim.Adam(model.parameters(), lr=1e-4, fused=True)
+        optimiser = Optimiser(model, MODELS[name].recipe, steps=2 * (STEPS + WARM_UP))
 
         def quick(batch, model=model):
             return model.loss(batch)
@@ -64,9 +65,7 @@ def steps(options) -> list[Row]:
             return losses(model(batch), batch, model.word_weights)
 
         def step(loss, batch, optimiser=optimiser):
-            optimiser.zero_grad()
-            sum(loss(batch)).backward()
-            optimiser.step()
+            optimiser.step(sum(loss(batch)))
 
         ratios, shares = [], []
         for short, whole in some_batches(samples, name):

@@ -79,7 +79,7 @@ def verdict(claim: ClaimTest, tables: Tables, theirs: bool = False) -> tuple[str
     return NOT_HELD, " ".join(filter(None, (remark, f"{LONGER} hardly nearer.", one)))
 
 
-def card(ours: Tables, theirs: Tables = NOTHING, run: Tables = NOTHING) -> pd.DataFrame:
+def card(ours: Tables, theirs: Tables = NOTHING, run: Tables | None = None) -> pd.DataFrame:
     """The card as text, a row for each claim: its numbers, its verdicts, and where to look.
 
     `ours`, `theirs` and `this run` are the median of the trainings, with the lowest and the
@@ -98,7 +98,7 @@ def card(ours: Tables, theirs: Tables = NOTHING, run: Tables = NOTHING) -> pd.Da
             "group": claim.group, "claim": claim.says, "paper": claim.paper,
             "theirs": written(claim, claim.values(theirs)),
             "ours": written(claim, claim.values(ours)),
-            "this run": written(claim, claim.values(run)),
+            "this run": "" if run is None else written(claim, claim.values(run)),
             "verdict_theirs": judged_theirs, "why_theirs": why_theirs,
             "verdict": judged, "why": why, "chapter": claim.chapter, "heading": claim.heading,
         })  # fmt: skip
@@ -110,7 +110,7 @@ def both(claim: ClaimTest, ours: Tables, theirs: Tables) -> tuple[tuple[str, str
     return verdict(claim, ours), verdict(claim, theirs, theirs=True)
 
 
-def measured(ours: Tables, theirs: Tables = NOTHING, run: Tables = NOTHING) -> pd.DataFrame:
+def measured(ours: Tables, theirs: Tables = NOTHING, run: Tables | None = None) -> pd.DataFrame:
     """The card in numbers, for figures: a row for each claim.
 
     `paper` and `reads` are the paper's number and its direction; `low`, `median`, `high` and
@@ -124,7 +124,7 @@ def measured(ours: Tables, theirs: Tables = NOTHING, run: Tables = NOTHING) -> p
     for claim in CLAIMS:
         paper, reads = (claim.number.value, claim.number.reads) if claim.number else (np.nan, "")
         (judged, _), (judged_theirs, _) = both(claim, ours, theirs)
-        own = np.asarray(claim.values(run), dtype=float)
+        own = np.asarray([] if run is None else claim.values(run), dtype=float)
         rows.append({
             "group": claim.group, "claim": claim.says, "unit": claim.unit, "paper": paper,
             "reads": reads, "margin": MARGIN.get(claim.unit, np.nan),

@@ -91,10 +91,9 @@ def by_group(rows: pd.DataFrame) -> Figure:
 
 
 def _sets(rows: pd.DataFrame) -> list[tuple[str, str]]:
-    """The data sets that some rows have a verdict for, with the suffix of their columns."""
-    trained = {data: (rows[f"verdict{suffix}"] != "not trained") for data, suffix in SUFFIX.items()}
-    testable = rows["verdict"] != "not testable"
-    return [(data, SUFFIX[data]) for data, there in trained.items() if (there & testable).any()]
+    """The data sets of some rows, with the suffix of their columns: ours, and theirs if trained."""
+    trained = ~rows["verdict_theirs"].isin(["not trained", "not testable"])
+    return list(SUFFIX.items()) if trained.any() else [(OURS, "")]
 
 
 def _shift(rows: pd.DataFrame, data: str) -> float:
@@ -117,7 +116,7 @@ def _lay_out(part: pd.DataFrame, in_words: bool) -> tuple[list, list, float]:
         for _, row in rows.iterrows():
             lines = wrap(row["claim"], LABEL)
             texts.append((y, "\n".join(lines), False))
-            tall = sum(len(wrap(t, TEXT)) for t in _values(row)) if in_words else 0.8
+            tall = sum(len(wrap(t, TEXT)) for t in _values(row).values()) if in_words else 0.8
             y += len(lines) + 0.45
             places.append(y + (tall - 1) / 2)
             y += tall + 0.35
@@ -125,10 +124,10 @@ def _lay_out(part: pd.DataFrame, in_words: bool) -> tuple[list, list, float]:
     return texts, places, y
 
 
-def _values(row: pd.Series) -> list[str]:
-    """Our values of each data set as a text: of our recording, then of the authors' data."""
+def _values(row: pd.Series) -> dict[str, str]:
+    """Our values as a text, by data set. If there are none, a text that says so."""
     digits = 2 if "NRMSE" in row["unit"] or "million" in row["unit"] else 1
-    texts = []
+    texts = {}
     for data, suffix in SUFFIX.items():
         if np.isnan(row[f"median{suffix}"]):
             continue
@@ -137,8 +136,8 @@ def _values(row: pd.Series) -> list[str]:
         )
         of = "" if data == OURS else f"{data}: "
         between = f" ({low} to {high})" if low != high else ""
-        texts.append(f"{of}{middle}{between} {row['unit']}")
-    return texts or ["nothing to compare"]
+        texts[data] = f"{of}{middle}{between} {row['unit']}"
+    return texts or {OURS: "nothing to compare"}
 
 
 def _with_number(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
@@ -159,11 +158,11 @@ def _with_number(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
 
 
 def _in_words(axis: Axes, row: pd.Series, y: float, ends, run: bool) -> None:
-    texts = [wrap(text, TEXT) for text in _values(row)]
-    top = y - (sum(map(len, texts)) - 1) / 2
-    for lines, (data, suffix) in zip(texts, SUFFIX.items(), strict=False):
+    texts = {data: wrap(text, TEXT) for data, text in _values(row).items()}
+    top = y - (sum(map(len, texts.values())) - 1) / 2
+    for data, lines in texts.items():
         at = top + (len(lines) - 1) / 2
-        axis.plot(2, at, ls="", ms=6, **_look(row[f"verdict{suffix}"], data))
+        axis.plot(2, at, ls="", ms=6, **_look(row[f"verdict{SUFFIX[data]}"], data))
         axis.text(6, at, "\n".join(lines), va="center")
         top += len(lines)
 
