@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import pandas as pd
 import pytest
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
@@ -157,3 +158,17 @@ def test_no_simulator_without_a_recording():
         "assert run.main(['chapters']) == 0; assert 'pybullet' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], cwd=FOLDER.parent, check=True, capture_output=True)
+
+
+def test_stored_rows_say_machine_and_date(run, made, tmp_path, monkeypatch):
+    from ptae_lite import artefacts
+
+    monkeypatch.setattr(artefacts, "data_folder", lambda: tmp_path)
+    (tmp_path / "results").mkdir()
+    assert run.main(["fast", "none", "--store"]) == 0
+    table = pd.read_csv(artefacts.stored("results/benchmarks.csv"))
+    assert table["measure"].tolist() == ["speed", "right", "x"]
+    assert table["value"].tolist()[:2] == [1.0, 94.9] and not table["holds"][1]
+    assert table[["system", "cores", "python", "load before", "date"]].notna().all(axis=None)
+    entry = artefacts.manifest()["results/benchmarks.csv"]
+    assert entry["command"] == "python benchmarks/run.py fast none --store"
