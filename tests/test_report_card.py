@@ -260,7 +260,8 @@ def test_the_picture_has_every_claim_with_its_paper_number_and_a_run(rows):
     known = rows[rows["paper"].isna()][["median", "median_theirs"]].notna().sum(axis=1)
     assert sum(text.get_va() == "center" for text in said.texts) == known.clip(lower=1).sum()
     (legend,) = card_plots.card(rows[rows["paper"].isna()]).legends
-    assert {text.get_text() for text in legend.get_texts()} <= set(report_card.VERDICTS)
+    named = {text.get_text() for text in legend.get_texts()}
+    assert named <= {*report_card.VERDICTS, *card_plots.SUFFIX}
 
 
 def test_verdicts_by_group_are_counted(rows):
@@ -280,18 +281,18 @@ def test_verdicts_by_group_are_counted(rows):
 
 
 def test_orders_hold_more_often_than_sizes(rows):
-    judged = rows[rows["verdict"] != NOT_TESTABLE]
+    judged = rows[~rows["verdict"].isin([NOT_TESTABLE, NOT_TRAINED])]
     held = judged["verdict"].str.startswith("held")
     sizes = judged["paper"].notna()
-    assert held[~sizes].mean() > 0.75 and held[sizes].mean() < 0.5
-    assert held[~sizes & (judged["group"] == "Conflict")].all()
+    assert held[~sizes].mean() > 0.6 > 0.4 > held[sizes].mean()
 
 
 def test_what_the_chapter_says_of_the_groups(rows):
     by_claim = rows.set_index("claim")
     verdicts, held = by_claim["verdict"], by_claim["verdict"].str.startswith("held")
     assert held["PTAE describes"] and held["PTAE repeats language"]
-    assert not held["PTAE executes"] and not held["PTAE repeats actions"]
+    for column in ("verdict", "verdict_theirs"):
+        assert (by_claim[column][list(by_claim.index[:4])] == "held").all()
     same = ["Repeat both does not help PTAE", "Class-weighted words are unnecessary for PTAE",
             "LSTM or BERT encoders make no significant difference"]  # fmt: skip
     other = ["PTAE converges in less than half of PGAE's updates", "Repeat both helps PGAE",
@@ -304,9 +305,16 @@ def test_what_the_chapter_says_of_the_groups(rows):
     assert held[kept].tolist() == [True, False, False, False]
     assert by_claim["median"][kept].is_monotonic_decreasing
     assert by_claim["median"]["PGAE, execute with 1 % of the samples"] < 10
-    more = by_claim.loc[["Three conflicts, describe", "Three conflicts, repeat action"]]
-    assert not held[more.index].any()
-    assert held["Three conflicts, execute"]
+    in_words, in_motion = (f"A false clip harms {of} more than a false sentence does"
+                           for of in ("words", "motion"))  # fmt: skip
+    for suffix, sign in (("", -1), ("_theirs", 1)):
+        assert sign * by_claim[f"median{suffix}"][in_words] > 0
+        assert not by_claim[f"verdict{suffix}"][in_words].startswith("held")
+        assert by_claim[f"verdict{suffix}"][in_motion].startswith("held")
+    assert by_claim["high"][in_words] < 0 < by_claim["high_theirs"][in_words]
+    conflicts = by_claim[(by_claim["group"] == "Conflict") & by_claim["paper"].notna()]
+    assert not conflicts["verdict"].str.startswith("held").any()
+    assert conflicts["verdict_theirs"].str.startswith("held").sum() == 1
     # one list says otherwise at two percent, and that list has no long training
     few = report_card.stored().supervision
     few = few[(few["mode"] == "samples") & (few["share"] == 2)]
@@ -318,29 +326,32 @@ def test_what_the_chapter_says_of_the_groups(rows):
 @pytest.mark.parametrize(
     ("claim", "regular", "more"),
     [
-        ("Three conflicts, describe", "PTAE describes", True),
-        ("Three conflicts, execute", "PTAE executes", True),
-        ("Three conflicts, repeat action", "PTAE repeats actions", True),
-        ("One conflict, repeat language", "PTAE repeats language", False),
-        ("Two conflicts, repeat language", "PTAE repeats language", False),
+        ("Three conflicts, describe", "PTAE describes", (True, True)),
+        ("Three conflicts, repeat language", "PTAE repeats language", (False, False)),
     ],
 )
-def test_conflicts_cost_more_than_in_the_paper_but_for_repeat_language(rows, claim, regular, more):
+def test_describe_suffers_more_than_in_the_paper_and_repeat_language_less(
+    rows, claim, regular, more
+):
     rows = rows.set_index("claim")
-    ours, paper = (
-        abs(rows.loc[claim, name] - rows.loc[regular, name]) for name in ("median", "paper")
+    paper, *ours = (
+        abs(rows.loc[claim, name] - rows.loc[regular, name])
+        for name in ("paper", "median", "median_theirs")
     )
-    assert (ours > paper) == more
+    assert tuple(cost > paper for cost in ours) == more
+    kept = rows.loc["Three conflicts, repeat language", ["median", "median_theirs"]]
+    assert kept["median"] > 50 > 20 > kept["median_theirs"]
 
 
-def test_a_true_extra_input_does_ptae_little_harm_but_half_of_it_in_one_two_way_training():
-    table = report_card.stored().incongruence
-    paid = incongruence_table.damage(table[table["model"] == "ptae"])
-    assert (paid["format"] < 0.12 * paid["conflict"]).all()
-    two = incongruence_table.damage(table[table["model"] == "ptae_two_way"])
-    two = two[two["signal"] == "repeat action"]
-    part = two["format"] / (two["format"] + two["conflict"])
-    assert (part > 0.4).sum() == 1 and part.max() < 0.6
+def test_a_true_extra_input_does_little_harm_on_our_recording_and_much_on_the_authors_data():
+    def paid(data):
+        table = report_card.stored(data).incongruence
+        found = incongruence_table.damage(table[table["model"] == "ptae"])
+        return found[found["signal"].isin(["execute", "repeat action"])]
+
+    assert (paid("recording")["format"] < 0.2).all()
+    theirs = paid("authors")
+    assert ((theirs["format"] > 0.5 * theirs["conflict"]) & (theirs["format"] > 0.3)).mean() > 0.5
 
 
 def test_the_findings_that_the_chapter_draws():

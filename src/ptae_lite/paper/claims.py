@@ -83,7 +83,7 @@ CLAIMS = [
         "% of PGAE's",
         chapter=DEPTH,
         heading=FAMILY,
-        remark="PTAE is earlier with every seed, by less than that.",
+        remark="PTAE is earlier with most seeds, by less than that.",
         theirs=Notes(remark="With most trainings it does, with one it needs just half."),
     ),
     ClaimTest(
@@ -234,7 +234,7 @@ CLAIMS = [
             "% of the harm of both",
             "in_depth/05_conflict",
             OWN,
-            remark="Alone, it does no harm at all.",
+            remark="Alone, it does hardly any harm.",
         )
         for signal in ("execute", "repeat language")
         for name, place in (("False vision", "vision"), ("False proprioception", "proprioception"))
