@@ -34,7 +34,7 @@ RETOLD = [  # grows with each chapter that is rewritten
     "in_depth/06_open_eyes", "in_depth/07_card",
 ]  # fmt: skip
 FOLDED = {"hide-input", "remove-input", "hide-cell", "remove-cell"}
-PANELS = ("Panel(", "TrainButton(", "LivePart('conflict'")  # the last lies over a panel
+PANELS = ("Panel(", "TrainButton(")
 COLUMNS = 79  # of a line of code that is shown
 TABLE_LINES = 4  # printed lines from which an output is a table
 # Which stored tables a chapter's text is about.

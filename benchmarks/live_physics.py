@@ -37,9 +37,7 @@ from ptae_lite.watching_actor import actor_of
 
 SEED, REPLAY, RANDOM = 0, "replay", "random"
 AWAY_M, TURNED_RAD = 0.03, 0.7  # of cubes at random: along each axis, and about the vertical
-MODELS = {  # and their packs
-    "one_look_policy": "policy", "ptae": "ptae_adam", "watching": "watching",
-}  # fmt: skip
+MODELS = {"one_look_policy": "policy", "ptae": "ptae", "watching": "watching"}  # and their packs
 ONE_LOOK = "one_look_policy"
 CONDITIONS = ("test", "displaced", "new_family", "swapped_speed", "blank")  # 648 episodes
 WATCHING = "watching"
@@ -151,12 +149,15 @@ def main(arguments=None) -> int:
     """Act, and print the summary; returns the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.split(":")[0] + ".")
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--model", choices=MODELS, default=ONE_LOOK)
+    parser.add_argument("--model", choices=MODELS, default=ONE_LOOK,
+                        help="of ptae no episodes are stored; give it --random")  # fmt: skip
     parser.add_argument("--conditions", nargs="+", choices={*CONDITIONS, *OF_WATCHING})
     parser.add_argument("--replay", action="store_true", help="follow the recorded joints")
     parser.add_argument("--random", type=int, metavar="COUNT", help="act in scenes drawn by chance")
     parser.add_argument("--out", type=Path, help="a table with a row for each episode")
     given = parser.parse_args(arguments)
+    if given.model == "ptae" and not given.random:
+        parser.error("of ptae no episodes are stored; give it --random")
     if given.random:
         asked = random_tasks(given.random, given.model)
     else:

@@ -61,12 +61,11 @@ def write(folder) -> dict:
             parts["words"] = numbers(described.words.exp())
             parts["attention"] = numbers(described.attention[:, :, :2])
             told["said"] = evaluation.sentences(described)
-        if name == "ptae_adam":
+            told["labelled"] = {"ptae": told["said"]}
             told["conflicts"], answers = conflicts(trained, samples, source, test, wording)
             parts |= {f"conflict_{key}": numbers(rows) for key, rows in answers.items()}
-    told["labelled"] = {}
-    for name in models.choices()["labelled"]:
-        trained = checkpoint.load(artefacts.stored(models.shipped()[name]))
+    for name in models.choices()["labelled"].keys() - {"ptae"}:
+        trained = checkpoint.load(artefacts.stored(models.MORE[name]))
         described = evaluation.respond(trained, Source(trained.dataset(samples)), test, "describe")
         told["labelled"][name] = evaluation.sentences(described)
     told["watched"], answers = watched(samples, test, told["sentences"])

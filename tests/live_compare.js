@@ -31,8 +31,7 @@ async function compare(clips = Infinity, change = null) {
     at += frames;
     return {frames, features: features.subarray(30 * from, 30 * at), joints: joints.subarray(5 * from, 5 * at)};
   });
-  const models = {ptae: put("ptae", await PtaeLive.PTAE.open("ptae")), ptae_adam: await PtaeLive.PTAE.open("ptae_adam"),
-    policy: await PtaeLive.PTAE.open("policy")};
+  const models = {ptae: put("ptae", await PtaeLive.PTAE.open("ptae")), policy: await PtaeLive.PTAE.open("policy")};
   const theirs = (name, k, size) => floats(name).subarray(size * k, size * (k + 1));
   let same = 0;
   const few = all => [...all.entries()].slice(0, clips);
@@ -61,14 +60,14 @@ async function compare(clips = Infinity, change = null) {
   }
   let agree = 0;
   for (const [k, row] of few(about.conflicts)) {
-    const own = models.ptae_adam.scaling.clip(book.get(row.sample)), extra = {};
+    const own = models.ptae.scaling.clip(book.get(row.sample)), extra = {};
     if (row.place === "blank") extra.keys = new Float32Array(3500);
     else if (typeof row.extra === "string") extra.sentence = row.place === "none" ? undefined : language.encode(row.extra);
     else if (row.place !== "none") {
-      const other = models.ptae_adam.scaling.clip(book.get(row.extra));
+      const other = models.ptae.scaling.clip(book.get(row.extra));
       extra.keys = PtaeLive.movingKeys(row.place === "proprioception" ? own : other, row.place === "vision" ? own : other);
     }
-    const {told, joints} = await models.ptae_adam.answer(
+    const {told, joints} = await models.ptae.answer(
       PtaeLive.batch(language, row.signal, own, language.encode(row.sentence), extra));
     agree += language.decode(PtaeLive.best(told)) === row.said;
     gap("conflict words", told.flatMap(one => [...one]), theirs("conflict_words", k, 92));

@@ -90,14 +90,13 @@ def act(place, sentence: str, button: str = "Act") -> dict:
     return {"text": said.inner_text()} | said.evaluate("one => ({...one.dataset})")
 
 
-def test_verdicts_are_pybullets(page):
+def test_verdicts_are_pybullets(page, simulator):
     samples = load_samples("recording")
     asked = []
     for condition in live_physics.CONDITIONS:
         of = live_physics.tasks(samples, condition)
         asked += of[:: len(of) // EPISODES][:EPISODES]
-    seen = live_physics.tasks(samples, "test", "ptae")
-    seen = seen[:: len(seen) // WATCHED][:WATCHED]
+    seen = live_physics.random_tasks(WATCHED, "ptae")
     made = page.evaluate(ASKED, json.loads(json.dumps(asked + seen)))
     table = live_physics.compared(asked + seen, made)
     print(live_physics.summary(table).round(2).to_string())
@@ -178,7 +177,7 @@ def test_the_reader_chooses_who_acts_and_moves_a_cube_meanwhile(browser, folder)
         place.get_by_label("a hand moves").select_option(label="the right cube")
         moved = act(place, "push red slowly")
         assert "In frame 15 a hand moved the right cube by 30 mm; that is" in moved["text"]
-        who.select_option(label="PTAE as the paper trains it")
+        who.select_option(label="PTAE of chapter 03")
         place.get_by_label("before frame").fill("100")
         assert "too late" in act(place, "push red fast")["text"]
         who.select_option(label="the one-look policy")

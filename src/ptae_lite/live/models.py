@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ptae_lite import artefacts
 
-FIRST = {"ptae": "weights/ptae.safetensors", "ptae_adam": "weights/ptae_adam.safetensors",
+FIRST = {"ptae": "weights/ptae.safetensors",
          "policy": "weights/one_look_policy_seed0.safetensors"}  # fmt: skip
 MORE = {
     "watching": "weights/watching_seed0.safetensors",
@@ -18,10 +18,10 @@ MORE = {
 POLICIES = {
     "watching": "the watching policy",
     "policy": "the one-look policy",
-    "ptae_adam": "PTAE as the paper trains it",
+    "ptae": "PTAE of chapter 03",
 }
 TO_ACT, TO_DESCRIBE = ("start", "step"), ("say",)  # parts of a PTAE, see `networks`
-LABELLED = {"ptae_5": 5, "ptae_20": 20, "ptae_adam": 100}  # percent of the training clips
+LABELLED = {"ptae_5": 5, "ptae_20": 20, "ptae": 100}  # percent of the training clips
 
 
 def shipped() -> dict[str, str]:
@@ -33,8 +33,6 @@ def shipped() -> dict[str, str]:
 def unused(name: str) -> set[str]:
     """The parts that the site does not need of a model."""
     of = {TO_ACT: POLICIES, TO_DESCRIBE: LABELLED}
-    if name == "ptae":  # chapter 03 asks it for everything
-        return set()
     return {part for parts, where in of.items() if name not in where for part in parts}
 
 

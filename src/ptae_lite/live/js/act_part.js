@@ -6,7 +6,7 @@
   const {element, choice, latest} = PtaeLive.form;
   const REST_MS = 3000; // a browser takes back meanwhile what the loading took
 
-  const LATER = "ptae_adam"; // which describes
+  const LATER = "ptae"; // which describes
 
   PtaeLive.parts.act = (room, show) => build(room, show, "act", ["policy"]);
   PtaeLive.parts.policies = (room, show) => build(room, show, "policies", Object.keys(PtaeLive.policies));

@@ -25,7 +25,7 @@
 
   PtaeLive.parts.conflict = async (room, show) => {
     const [[, pack, scene], model] = await Promise.all(
-      [PtaeLive.load(PtaeLive.needs.conflict, show), PtaeLive.PTAE.open("ptae_adam")]);
+      [PtaeLive.load(PtaeLive.needs.conflict, show), PtaeLive.PTAE.open("ptae")]);
     const language = new PtaeLive.Language(pack.about), all = PtaeLive.clips(pack);
     const places = new Float32Array(scene.parts.cubes.buffer, scene.parts.cubes.byteOffset, scene.parts.cubes.length / 4);
     const bytes = pack.parts.motions, means = {...pack.about,

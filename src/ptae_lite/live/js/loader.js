@@ -9,8 +9,8 @@ window.PtaeLive = {
   needs: { // the packs of each
     vision: ["ort", "book", "scene", "autoencoder"],
     transformer: ["ort", "book", "ptae", "autoencoder"],
-    conflict: ["ort", "book", "scene", "ptae_adam"],
-    act: ["ort", "autoencoder", "mujoco", "scene", "book", "policy", "ptae_adam"],
+    conflict: ["ort", "book", "scene", "ptae"],
+    act: ["ort", "autoencoder", "mujoco", "scene", "book", "policy", "ptae"],
     policies: ["ort", "autoencoder", "mujoco", "scene", "book"], // and the first of `policies`
     labels: ["ort", "book"], // and the models of `labelled`
   },
