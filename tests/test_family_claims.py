@@ -95,43 +95,30 @@ def test_muon_halves_the_errors_and_pgae_gains_most_in_words(rows, medians):
     assert max(gain, key=gain.get) == "PGAE" and gain["PVAE"] == 0
 
 
-def test_with_the_first_frame_only_the_sentence_makes_the_motion(medians):
+def test_with_the_first_frame_only_the_sentence_makes_the_motion(rows, medians):
     first, video = medians.loc["PTAE, frozen video"], medians.loc["PTAE"]
-    assert 2 < first["execute_nrmse"] / video["execute_nrmse"] < 3
-    assert first["execute_sentence_blanked"] > 10.8  # the mean trajectory's
-    assert first[SWAPPED] < 1.1 * first["execute_nrmse"]
+    assert 2 < first["execute_nrmse"] / video["execute_nrmse"] < 3.5
+    assert first["execute_nrmse"] == pytest.approx(2.84, abs=0.6)  # mean of action and side
+    own = rows[rows["variant"] == "PTAE, frozen video"]
+    assert (own["execute_sentence_blanked"] > 10.8).all()  # the mean trajectory's
+    assert (own[SWAPPED] > 3 * own["execute_nrmse"]).all()
 
 
-def test_the_first_frames_error_depends_on_the_seed(rows):
-    errors = rows[rows["variant"] == "PTAE, frozen video"]["execute_nrmse"]
-    assert errors.max() / errors.min() > 1.5 and 2.8 < errors.min() < 3.5
+def test_no_choice_makes_a_clear_difference(rows):
+    judged = family.claims(rows)
+    scores = ["describe_accuracy", "repeat_language_accuracy", "execute_nrmse"]
+    assert (judged[scores] == "neither").all(axis=None)
+    assert (rows[rows["data"] == "recording"]["repeat_language_accuracy"] > 99).mean() > 0.9
+    for choice in ("PTAE, no mixup", "PTAE, frame positions"):
+        for column in ("describe_accuracy", "execute_nrmse"):
+            assert family.clearly_better(rows, "PTAE", choice, column) == "neither"
 
 
-def test_repeat_both_helps_pgae_a_little_and_no_choice_helps_ptae(rows):
-    judged = family.claims(rows).set_index("claim")
-    helps = judged.loc["repeat both helps PGAE"]
-    assert (helps["describe_accuracy"], helps["execute_nrmse"]) == ("neither", "PGAE")
-    pair = ("PGAE, no repeat both", "PGAE")
-    errors = rows.groupby("variant")["execute_nrmse"].median()[list(pair)]
-    assert 1 < errors.iloc[0] / errors.iloc[1] < 1.1
-    several = judged.drop("repeat both helps PGAE")
-    assert (several[["describe_accuracy", "execute_nrmse"]] == "neither").all(axis=None)
-    choice = family.clearly_better(rows, "PTAE", "PTAE, no mixup", "describe_accuracy")
-    assert choice == "neither"
-
-
-def test_frames_that_ask_repeat_less_and_hear_the_speed_word_in_two_seeds(rows):
+def test_frames_that_ask_do_all_tasks_and_take_twice_the_time(rows):
     asks = rows[rows["variant"] == "PTAE, action as query"]
     regular = rows[rows["variant"] == "PTAE"]
-    assert (asks["repeat_language_accuracy"] < 99).sum() == 2
-    assert (regular["repeat_language_accuracy"] == 100).all()
-    assert (asks[SWAPPED] > 2 * asks["execute_nrmse"]).sum() == 2
+    assert (asks["repeat_language_accuracy"] == 100).all()
     assert asks["seconds"].median() > 2 * regular["seconds"].median()
-
-
-def test_the_clock_keeps_the_speed(rows):
-    for column in ("describe_accuracy", "execute_nrmse"):
-        assert family.clearly_better(rows, "PTAE", "PTAE, frame positions", column) == "neither"
 
 
 @pytest.fixture(scope="module")
