@@ -255,8 +255,8 @@ def test_the_panel_says_the_words_of_the_transformers_answers(play):
     words = {n: panel.frame(zeros=n).axes[0].get_title().split()[-1] for n in (0, 1, 50)}
     assert words[0] in ("slowly", "unhurriedly")
     assert {words[1], words[50]} <= {"fast", "quickly"}
-    for zeros in (1, 50):  # the bars of the end token, one for each head
-        assert max(bar.get_height() for bar in panel.frame(zeros=zeros).axes[0].patches[4:]) > 90
+    for zeros in (1, 50):  # bars, one for each head
+        assert max(bar.get_height() for bar in panel.frame(zeros=zeros).axes[0].patches[4:]) > 70
 
 
 @sheet("04_limited_supervision")
