@@ -35,7 +35,7 @@ def asked(monkeypatch, trained):
 
 
 def test_each_choice_changes_one_number_of_the_recipe(few):
-    regular = asdict(MODELS["ptae"].recipe)
+    regular = asdict(supervision.recipe_of("ptae"))
     for choice, (_, changes) in recipes.CHOICES.items():
         found = recipes.experiment_of(few, "recording", choice, 4)
         assert (found.model, found.split, found.seed) == ("ptae", "fit", 4)

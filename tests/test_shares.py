@@ -239,10 +239,10 @@ def test_on_a_page_there_is_no_button(table, said, few, monkeypatch):
 
 
 def test_the_stored_weights_still_give_the_row_of_all_labels(stored):
-    """The row of 100 % is the model of chapter 03, whose weights are stored."""
+    """The row of 100 % is the PTAE trained with Adam alone, whose weights are stored."""
     table, said = stored
     samples = load_samples("recording")
-    trained = checkpoint.load(artefacts.stored("weights/ptae.safetensors"))
+    trained = checkpoint.load(artefacts.stored("weights/ptae_adam.safetensors"))
 
     def own(rows):
         return rows[(rows["model"] == "ptae") & (rows["share"] == 100) & (rows["seed"] == 0)]

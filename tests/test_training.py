@@ -194,7 +194,7 @@ def test_a_labelled_training_says_how_many_were_labelled(few, tiny):
         ({"epochs": 0}, "at least one epoch"),
         ({"batch": 1}, "batches of at least two"),
         ({"supervised": 0.0}, "supervised is 0.0; it is a share between 0 and 1"),
-        ({"warmup": 1.0}, "warmup is 1.0, muon_lr 0.0 and muon_decay 0.0; .* 0 to below 1"),
+        ({"warmup": 1.0}, "warmup is 1.0, muon_lr 0.004 and muon_decay 1.0; .* 0 to below 1"),
         ({"muon_lr": -1.0}, "a learning rate and a decay are not below 0"),
         ({"muon_decay": -1.0}, "muon_decay -1.0; .* are not below 0"),
         ({"supervised": 1.0}, "supervised is 1.0"),

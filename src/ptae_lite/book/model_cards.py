@@ -56,8 +56,8 @@ def _of_encoder(name: str) -> Callable[[dict], pd.DataFrame]:
 
 def _of_model(variant: str) -> Callable[[dict], pd.DataFrame]:
     def rows(about: dict) -> pd.DataFrame:
-        found = _table("family").query("data == 'recording' and variant == @variant")
-        return _stored(found, about)
+        found = _table("family").query("data == 'recording'")
+        return _stored(found[found["variant"] == variant], about)
 
     return rows
 
