@@ -41,7 +41,7 @@ PAGE = """<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><title>Live
 FAULTS = {"swapped_gates": ("ptae", "ptae joints"), "missing_bias": ("ptae", "words"),
           "wrong_padding": ("autoencoder", "image code"),
           "open_gate": ("watching", "watching joints")}  # fmt: skip
-LIMITS = {"ptae joints": 0.02, "conflict joints": 0.02, "policy joints": 0.02,
+LIMITS = {"ptae joints": 0.02, "conflict joints": 0.005, "policy joints": 0.02,
           "image code": 0.02, "pixels": 0.01, "words": 0.02, "conflict words": 0.02,
           "attention": 0.005, "watching joints": 0.02, "watching words": 0.02}  # fmt: skip
 
