@@ -8,8 +8,8 @@ import pytest
 
 import ptae_lite.__main__ as cli
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import supervision, tables
-from ptae_lite.experiments.supervision import Job
+from ptae_lite.experiments import supervision, supervision_grid, tables
+from ptae_lite.experiments.supervision_grid import Job
 from ptae_lite.training import Recipe
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
@@ -55,7 +55,7 @@ def test_the_command_takes_the_address_of_a_cluster(cluster, few, monkeypatch, c
     options = ["--models", "linear", "--variants", "random", "--shares", "50", "--cluster",
                cluster.scheduler_address, "--out", str(tmp_path), "--json"]  # fmt: skip
     assert cli.main(["study", "supervision", *options]) == 0
-    assert json.loads(capsys.readouterr().out)["rows"] == supervision.DRAWS
+    assert json.loads(capsys.readouterr().out)["rows"] == supervision_grid.DRAWS
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -12,7 +12,7 @@ from ptae_lite.data.samples import load_samples
 from ptae_lite.experiments import pseudo_labels as module
 from ptae_lite.experiments import supervision
 from ptae_lite.experiments.experiment import Labels, experiment
-from ptae_lite.experiments.supervision import Job
+from ptae_lite.experiments.supervision_grid import Job
 from ptae_lite.language import MEANINGS, SIDES, patterns
 from ptae_lite.training import label
 

@@ -11,7 +11,7 @@ from test_panels import controls_of, frames_in
 from ptae_lite import artefacts
 from ptae_lite.data.samples import load_samples
 from ptae_lite.evaluation import CHANCE
-from ptae_lite.experiments import supervision
+from ptae_lite.experiments import supervision, supervision_grid
 from ptae_lite.models import checkpoint
 from ptae_lite.paper import reported
 from ptae_lite.plots import supervision as supervision_plots
@@ -207,7 +207,7 @@ def test_the_button_trains_what_the_panel_shows(table, said, few, monkeypatch, t
     mode.value, slider.value = "iterations", 2
     button.click()
     ((job, epochs, told),) = asked
-    assert job == supervision.Job("ptae", "iterations", "paper", 2, 0)
+    assert job == supervision_grid.Job("ptae", "iterations", "paper", 2, 0)
     assert (epochs, told) == (2, [1, 2]) and not button.disabled
     assert "trained: 3 steps" in line.value and "<img" in result.value
     now = (pd.DataFrame([supervision.scores(trained, few)]), supervision.examples(trained, few))
@@ -259,7 +259,7 @@ def test_the_stored_weights_still_give_the_row_of_all_labels(stored):
 def test_the_stored_weights_of_few_labels_are_of_the_study_and_near_its_rows(stored, share):
     """They were trained after the rows; training has other roundings since."""
     table, samples = stored[0], load_samples("recording")
-    job = supervision.Job("ptae", "samples", "balanced", share, 0)
+    job = supervision_grid.Job("ptae", "samples", "balanced", share, 0)
     asked = supervision.experiment_of(samples, job)
     trained = checkpoint.load(artefacts.stored(f"weights/{asked.file}"))
     assert trained.about["experiment"] == asked.hash

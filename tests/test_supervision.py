@@ -17,8 +17,8 @@ from ptae_lite.data import batches
 from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate
-from ptae_lite.experiments import labels, supervision, tables
-from ptae_lite.experiments.supervision import Job
+from ptae_lite.experiments import labels, supervision, supervision_grid, tables
+from ptae_lite.experiments.supervision_grid import Job
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import MODELS, PVAE
 from ptae_lite.training import Recipe
@@ -94,7 +94,7 @@ def supervised(built, model="ptae"):
 
 
 def test_each_training_has_a_file_of_weights_of_its_own(samples):
-    asked = [supervision.experiment_of(samples, one) for one in supervision.grid()
+    asked = [supervision.experiment_of(samples, one) for one in supervision_grid.grid()
              if one.model != "linear"]  # fmt: skip
     files = {one.hash: one.file for one in asked}
     assert len(set(files.values())) == len(files) == len(asked)
@@ -284,15 +284,15 @@ def test_sentences_are_of_test_clips_and_are_judged(trained, few):
 
 
 def test_the_grid_holds_both_experiments_three_times_and_no_training_twice():
-    grid = supervision.grid()
+    grid = supervision_grid.grid()
     assert len(grid) == len(set(grid))
     for model in ("ptae", "pgae"):
         for seed in (0, 1, 2):
             mine = [j for j in grid if (j.model, j.seed) == (model, seed)]
             shares = {j.share for j in mine if (j.mode, j.variant) == ("samples", "balanced")}
-            assert shares | {100} == set(supervision.SHARES["samples"])
+            assert shares | {100} == set(supervision_grid.SHARES["samples"])
             shares = {j.share for j in mine if (j.mode, j.variant) == ("iterations", "paper")}
-            assert shares | {66.6} == set(supervision.SHARES["iterations"])
+            assert shares | {66.6} == set(supervision_grid.SHARES["iterations"])
             assert [j.share for j in mine if j.regular] == [100]
     assert len({j.share for j in grid if j.model == "pvae"}) == 5
     assert len({j.seed for j in grid if j.model == "linear" and j.share == 10}) == 20
@@ -301,7 +301,7 @@ def test_the_grid_holds_both_experiments_three_times_and_no_training_twice():
 
 
 def test_the_core_of_the_grid_is_the_grid_without_its_variants():
-    whole, core = supervision.grid(), supervision.grid(core=True)
+    whole, core = supervision_grid.grid(), supervision_grid.grid(core=True)
     assert core == whole[: len(core)]
     trained = [j for j in core if j.model != "linear"]
     assert {j.variant for j in trained if not j.regular} == {"balanced", "paper"}
@@ -309,34 +309,34 @@ def test_the_core_of_the_grid_is_the_grid_without_its_variants():
 
 
 def test_jobs_are_selected_by_their_fields():
-    grid = supervision.grid((0,))
-    few = supervision.select(grid, model=["pgae"], mode=None, share=[2.0, 66.6])
+    grid = supervision_grid.grid((0,))
+    few = supervision_grid.select(grid, model=["pgae"], mode=None, share=[2.0, 66.6])
     # of the iterations, 66.6 % is the regular training: all samples
     assert {(j.model, j.share) for j in few} == {("pgae", 2), ("pgae", 66.6), ("pgae", 100)}
     assert {j.mode for j in few} == {"samples", "iterations"}
     for name, value in {"model": "gpt", "mode": "days", "variant": "half", "share": 3}.items():
         with pytest.raises(ConfigError, match=f"no {name} {value!r}; there are "):
-            supervision.select(grid, **{name: [value]})
+            supervision_grid.select(grid, **{name: [value]})
 
 
 def test_the_regular_training_is_found_by_either_of_its_names():
-    grid = supervision.grid((0,))
+    grid = supervision_grid.grid((0,))
     regular = [job(100, variant="paper")]
     for mode, share in (("iterations", 66.6), ("samples", 100)):
-        assert supervision.select(grid, model=["ptae"], mode=[mode], share=[share]) == regular
-    assert len(supervision.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 2
+        assert supervision_grid.select(grid, model=["ptae"], mode=[mode], share=[share]) == regular
+    assert len(supervision_grid.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 2
 
 
 @pytest.mark.parametrize("chosen", [{"model": ["pvae"], "mode": ["iterations"]},
                                     {"variant": ["balanced"], "share": [100]}])  # fmt: skip
 def test_a_choice_that_nothing_fits_is_refused(chosen):
     with pytest.raises(ConfigError, match="no training is of .* together; leave one of them out"):
-        supervision.select(supervision.grid(), **chosen)
+        supervision_grid.select(supervision_grid.grid(), **chosen)
 
 
 def test_a_baseline_has_all_its_draws_whatever_the_seeds():
-    draws = {j.seed for j in supervision.grid((0,)) if j.model == "linear" and j.share == 10}
-    assert draws == set(range(supervision.DRAWS))
+    draws = {j.seed for j in supervision_grid.grid((0,)) if j.model == "linear" and j.share == 10}
+    assert draws == set(range(supervision_grid.DRAWS))
 
 
 def test_a_study_writes_a_row_for_each_training(few, trainings, tmp_path):
@@ -375,7 +375,7 @@ def test_rows_that_are_stored_are_not_made_again(samples, trainings, tmp_path):
     shutil.copy(artefacts.stored("results/supervision.csv"), tmp_path)
     before = (tmp_path / "supervision.csv").read_bytes()
     there = tables.there(tmp_path / "supervision.csv", KEY)
-    jobs = [j for j in supervision.grid() if supervision.named(samples, j) in there]
+    jobs = [j for j in supervision_grid.grid() if supervision.named(samples, j) in there]
     assert len(jobs) > 400
     supervision.study(samples, tmp_path, jobs)
     assert not trainings and (tmp_path / "supervision.csv").read_bytes() == before

@@ -13,7 +13,7 @@ from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
 from ptae_lite.evaluation import CHANCE
 from ptae_lite.experiments import recipes
-from ptae_lite.experiments.supervision import SHARES
+from ptae_lite.experiments.supervision_grid import SHARES
 from ptae_lite.models import MODELS
 from ptae_lite.paper import reported
 from ptae_lite.plots import supervision as supervision_plots

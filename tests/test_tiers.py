@@ -5,7 +5,7 @@ import pytest
 from ptae_lite import run_mode
 from ptae_lite.data.signals import PTAE_SIGNALS
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments import incongruence, supervision
+from ptae_lite.experiments import incongruence, supervision_grid
 from ptae_lite.paper import reported
 
 
@@ -78,9 +78,9 @@ def test_claims_are_of_things_that_can_be_measured_here(trained, few, samples):
 
     assert set(reported.REGULAR) <= set(evaluate(trained, few))
     assert set(reported.CONFLICTS) == set(incongruence.EXTRA_INPUT) == set(PTAE_SIGNALS)
-    grid = {(job.model, job.mode, job.share) for job in supervision.grid()}
+    grid = {(job.model, job.mode, job.share) for job in supervision_grid.grid()}
     for (model, measure, mode), found in reported.BY_SHARE.items():
         assert measure in evaluate(trained, few)
         for share in found:
-            regular = supervision.REGULAR[mode] == share
+            regular = supervision_grid.REGULAR[mode] == share
             assert regular or (model, mode, share) in grid

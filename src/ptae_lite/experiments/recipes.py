@@ -18,7 +18,7 @@ from ptae_lite.data.samples import Samples
 from ptae_lite.experiments import options, supervision
 from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.experiments.runner import Study, check_names, run
-from ptae_lite.experiments.supervision import Job
+from ptae_lite.experiments.supervision_grid import Job
 from ptae_lite.models.checkpoint import Trained
 
 SHARE = 10  # percent of the samples that have a label: of 552, 56

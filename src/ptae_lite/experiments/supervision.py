@@ -17,7 +17,6 @@ from argparse import ArgumentParser
 from dataclasses import asdict, replace
 from functools import partial
 from importlib.metadata import version
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -32,143 +31,23 @@ from ptae_lite.experiments.experiment import Experiment, Labels, experiment
 from ptae_lite.experiments.labels import chosen, linear_scores
 from ptae_lite.experiments.pseudo_labels import pseudo_labelled
 from ptae_lite.experiments.runner import Study
+from ptae_lite.experiments.supervision_grid import (
+    DRAWN,
+    SEEDS,
+    VARIANTS,
+    Job,
+    as_rows,
+    grid,
+    select,
+)
 from ptae_lite.language import patterns, sentence
 from ptae_lite.models import ADAM, MODELS
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.recipe import Recipe
 
-SHARES = {  # percent: of the 648 training samples, and of the updates
-    "samples": (1, 2, 5, 10, 20, 50, 66.6, 100),
-    "iterations": (1, 2, 10, 20, 50, 66.6),
-}
-REGULAR = {"samples": 100, "iterations": 66.6}  # one training, with all labels
-ORDER = (10, 2, 50, 20, 5, 1, 66.6, 100)  # so that a stopped study already covers the range
-DRAWS = 20  # of labels for the linear baseline, which takes no time
-SEEDS = (0, 1, 2)
 KEY = ["model", "data", "mode", "variant", "share", "seed"]
 FILE, SENTENCES = "supervision.csv", "supervision_sentences.csv"
 SHOWN = 6  # test clips whose descriptions are kept
-
-
-class Variant(NamedTuple):
-    """How labelled samples are used.
-
-    Args:
-        recipe: settings of the recipe to change.
-        times: factor on the number of epochs.
-    """
-
-    recipe: dict = {}
-    times: int = 1  # as many epochs
-
-
-VARIANTS = {
-    # each sample once an epoch, as in the paper: the share of updates is the share of samples
-    "paper": Variant({"balanced": False}),
-    "balanced": Variant(),  # half of every batch has a label
-    "shuffled-scenes": Variant(
-        {"shuffle_scenes": True}
-    ),  # balanced, and a sentence to repeat comes with the scene of another sample
-    "covering": Variant(),  # balanced, too; the labelled samples name every word
-    "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
-    "long": Variant({"balanced": False}, times=8),  # as `paper`
-}
-DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
-
-
-class Job(NamedTuple):
-    """One row to make. The regular training stands in two rows.
-
-    Args:
-        model: `ptae`, `pgae`, `pvae` or `linear`.
-        mode: `samples` or `iterations`.
-        variant: a name in `VARIANTS`; for `linear`, how its labels are drawn.
-        share: percent of the samples, or of the updates.
-    """
-
-    model: str
-    mode: str
-    variant: str
-    share: float
-    seed: int
-
-    @property
-    def regular(self) -> bool:
-        """Whether all labels are used as often as in chapter 03. Variants are then the same."""
-        return self.share == REGULAR[self.mode]
-
-
-def grid(seeds=None, core: bool = False) -> list[Job]:
-    """Every job of the study, in order.
-
-    First comes the linear baseline, which takes no time, with all its draws. Then come, seed by
-    seed, the trainings that the figures need, then the variants.
-
-    Args:
-        core: leave out the variants.
-    """
-    found = [
-        Job("linear", "samples", variant, share, seed)
-        for variant in ("random", "covering", "pseudo-labels") for share in SHARES["samples"][:-1]
-        for seed in range(DRAWS)
-    ]  # fmt: skip
-    found += [Job("linear", "samples", "random", 100, 0)]  # all labels can be drawn in one way only
-
-    def more(model, mode, variant, seed, *shares):
-        found.extend(Job(model, mode, variant, s, seed) for s in ORDER if s in shares)
-
-    seeds = seeds or SEEDS
-    for seed in seeds:
-        for model in ("ptae", "pgae"):
-            more(model, "samples", "balanced", seed, *SHARES["samples"])
-            more(model, "iterations", "paper", seed, *SHARES["iterations"])
-        more("pvae", "samples", "balanced", seed, 2, 10, 20, 50, 100)
-    for model in () if core else ("ptae", "pgae"):
-        for seed in seeds:
-            more(model, "iterations", "long", seed, 1, 2)
-            more(model, "samples", "long", seed, 1, 2)
-            more(model, "samples", "covering", seed, 1, 2, 5)
-            more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
-            more(model, "samples", "paper", seed, *SHARES["samples"])
-    for seed in () if core else seeds:
-        more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
-    return list(dict.fromkeys(map(_once, found)))
-
-
-def _once(job: Job) -> Job:
-    """The job; all forms of the regular training become one."""
-    if job.model == "linear" or not job.regular:
-        return job
-    return job._replace(mode="samples", variant="paper", share=REGULAR["samples"])
-
-
-def _names(job: Job) -> list[Job]:
-    """The rows of a job: the regular training has two, except that of PVAE."""
-    if not job.regular or job.model in ("linear", "pvae"):
-        return [job]
-    return [job, job._replace(mode="iterations", share=REGULAR["iterations"])]
-
-
-def select(jobs: list[Job], **asked) -> list[Job]:
-    """The jobs that have, in each of these fields, one of the given values (None: any value).
-
-    Raises:
-        ConfigError: no job has such a value, or no job has all of them together.
-    """
-    named = [(job, name) for job in jobs for name in _names(job)]
-    for field, values in asked.items():
-        there = sorted({getattr(name, field) for _, name in named})
-        for value in values or ():
-            if value not in there:
-                raise ConfigError(f"no {field} {value!r}; there are {', '.join(map(str, there))}")
-    found = [
-        job for job, name in named
-        if all(values is None or getattr(name, field) in values for field, values in asked.items())
-    ]  # fmt: skip
-    if not found:
-        chosen = ", ".join(f"{field} {' '.join(map(str, v))}" for field, v in asked.items() if v)
-        raise ConfigError(f"no training is of {chosen} together; leave one of them out")
-    return list(dict.fromkeys(found))
 
 
 def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
@@ -235,7 +114,7 @@ def score(trained: Trained | None, samples: Samples, job: Job, split: str = "tra
     row |= {"seconds": about.get("seconds")}  # weights that `train` wrote do not say them
     row |= {"versions": versions}
     rows, said = pd.DataFrame([row]), examples(trained, samples).assign(**{k: row[k] for k in KEY})
-    named = [{"mode": name.mode, "share": float(name.share)} for name in _names(job)]
+    named = [{"mode": name.mode, "share": float(name.share)} for name in as_rows(job)]
     rows, said = (pd.concat([t.assign(**one) for one in named]) for t in (rows, said))
     return {FILE: rows[KEY + [c for c in rows if c not in KEY]], SENTENCES: said}
 

@@ -17,7 +17,7 @@ import pandas as pd
 
 from ptae_lite.experiments import encoders_table, family, incongruence_table
 from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT
-from ptae_lite.experiments.supervision import REGULAR
+from ptae_lite.experiments.supervision_grid import REGULAR
 from ptae_lite.paper import reported
 
 TINY = 2  # percent: with so few labels a longer training counts as well

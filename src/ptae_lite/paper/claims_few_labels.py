@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from ptae_lite.evaluation import CHANCE
-from ptae_lite.experiments.supervision import REGULAR
+from ptae_lite.experiments.supervision_grid import REGULAR
 from ptae_lite.paper import reported
 from ptae_lite.paper.claim_metrics import (
     IN_WORDS,

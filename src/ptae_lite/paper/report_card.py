@@ -9,7 +9,7 @@ from ptae_lite import artefacts
 from ptae_lite.data.samples import Samples
 from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import incongruence_table
-from ptae_lite.experiments.supervision import VARIANTS
+from ptae_lite.experiments.supervision_grid import VARIANTS
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables
 from ptae_lite.paper.claims import CLAIMS

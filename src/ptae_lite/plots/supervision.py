@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from ptae_lite.evaluation import CHANCE
-from ptae_lite.experiments.supervision import REGULAR, SHARES, VARIANTS
+from ptae_lite.experiments.supervision_grid import REGULAR, SHARES, VARIANTS
 from ptae_lite.paper import reported
 from ptae_lite.plots import style
 

@@ -14,7 +14,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments.supervision import SHARES, Job, examples, fit, recipe_of, scores
+from ptae_lite.experiments.supervision import examples, fit, recipe_of, scores
+from ptae_lite.experiments.supervision_grid import SHARES, Job
 from ptae_lite.language import SYNONYMS, Meaning
 from ptae_lite.plots import style
 from ptae_lite.plots.supervision import LABELS, MAIN, NAMES, draw_measure, rows_of, shared_legend
