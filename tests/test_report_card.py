@@ -343,6 +343,30 @@ def test_describe_suffers_more_than_in_the_paper_and_repeat_language_less(
     assert kept["median"] > 50 > 20 > kept["median_theirs"]
 
 
+def test_the_reasons_beside_the_verdicts_are_true(rows):
+    by_claim = rows.set_index("claim")
+    parts = {"One conflict": (9 / 10, 1 / 2), "Two conflicts": (7 / 10, 1 / 4)}
+    for count, (ours, theirs) in parts.items():
+        row = by_claim.loc[f"{count}, repeat language"]
+        assert row["median"] == pytest.approx(100 * ours, abs=5)
+        assert row["median_theirs"] == pytest.approx(100 * theirs, abs=5)
+    three = by_claim.loc["Three conflicts, repeat language"]
+    assert three["median"] > 50 and three["low_theirs"] == 0
+    found = report_card.stored(), report_card.stored("authors")
+    ours, theirs = (claim_metrics.ratio_of_updates(tables) for tables in found)
+    assert (ours < 100).sum() == 4 and (ours == 100).sum() == 1
+    assert theirs.median() < 50 and (theirs == 50).sum() == 2
+    repeats = report_card.stored().family.set_index("variant")["repeat_language_accuracy"]
+    assert repeats["PTAE"].min() == repeats["PTAE, action as query"].min() == 100
+    pgae = by_claim.loc["PGAE, execute with 100 % of the samples"]
+    assert pgae["paper"] + pgae["margin"] - pgae["median"] == pytest.approx(0, abs=0.02)
+    calm = by_claim.loc["PTAE repeats actions", "median"]
+    assert calm < 1.03 and by_claim.loc["Three conflicts, repeat action", "median"] > calm + 0.5
+    alone = by_claim.loc[[f"False {of} alone harms repeat language, but less than both parts"
+                          for of in ("vision", "proprioception")], "median"]  # fmt: skip
+    assert (alone < 5).all()
+
+
 def test_a_true_extra_input_does_little_harm_on_our_recording_and_much_on_the_authors_data():
     def paid(data):
         table = report_card.stored(data).incongruence

@@ -95,7 +95,7 @@ CLAIMS = [
         "points, repeat language",
         chapter=DEPTH,
         heading=CHOICES,
-        remark="Both do all tasks equally well. With Adam alone, frames repeated language worse.",
+        remark="Both repeat language equally well.",
     ),
     ClaimTest(
         "The model",

@@ -15,8 +15,6 @@ from ptae_lite.reproduce.view import duration
 
 AGREES, IN_PART, DIFFERS = "agrees", "in part", "DIFFERS"
 TAKEN, NEW, MISSING = "not re-made", "new", "NOT MADE"
-
-
 OF_A_MACHINE = {"results/benchmarks.csv"}  # times, which another run does not repeat
 
 
