@@ -211,6 +211,8 @@ def test_no_network_asks_for_the_runtimes_cast(page):
 def test_a_conflict_is_followed_or_not(page):
     place = press(page, "conflict")
     line = place.locator(".ptae-live-said")
+    assert line.get_attribute("data-follows") == "distractor"  # describe, and a false action word
+    choose(place, "task", "repeat language")
     assert line.get_attribute("data-follows") in ("truth", "distractor", "mixture", "neither")
     choose(place, "also show it", "nothing")
     assert line.get_attribute("data-follows") == "truth"

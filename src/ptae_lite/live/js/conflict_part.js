@@ -98,10 +98,11 @@
     room.append(element("div", {class: "ptae-live-controls"}, signal.row, own.row, told.row, shown.row, other.row, words.row),
       said, answer);
     own.clip = all.find(one => one.split === "test") ?? all[0];
-    signal.control.value = "repeat language";
+    signal.control.value = "describe"; // and a false action, in the sentence and in the other clip
+    told.control.value = "sentence";
     shown.control.value = "both";
-    other.clip = all.find(one => one.colours.join() === own.clip.colours.join() && one.action === own.clip.action &&
-      one.side === own.clip.side && one.speed !== own.clip.speed) ?? all[1];
+    other.clip = all.find(one => one.colours.join() === own.clip.colours.join() && one.action !== own.clip.action &&
+      one.side === own.clip.side && one.speed === own.clip.speed) ?? all[1];
     words.text = other.clip.sentence;
     await ask();
   };
