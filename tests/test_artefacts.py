@@ -4,6 +4,7 @@ import hashlib
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -41,6 +42,21 @@ def test_registering_again_renews_one_entry_and_keeps_the_others(data):
     found = artefacts.manifest()
     assert list(found) == ["one.bin", "two.bin"]
     assert found["one.bin"]["bytes"] == 7 and artefacts.stored("one.bin").read_bytes() == b"another"
+
+
+def test_the_manifest_names_data_that_are_not_stored(data):
+    hashes = {"authors": "ab" * 32}
+    artefacts.register("one.bin", command="z", seed=None, minutes=0, data=data, inputs=hashes)
+    assert artefacts.entry_of("one.bin")["inputs"] == hashes
+
+
+def test_each_table_with_the_authors_data_names_the_same_files():
+    tables = [name for name in artefacts.manifest() if name.endswith(".csv")]
+    with_theirs = [name for name in tables if "authors" in set(
+        pd.read_csv(artefacts.stored(name)).get("data", []))]  # fmt: skip
+    assert {"results/family.csv", "results/supervision.csv"} <= set(with_theirs)
+    found = [artefacts.entry_of(name)["inputs"] for name in with_theirs]
+    assert all(one == found[0] for one in found) and len(found[0]["authors"]) == 64
 
 
 def test_a_missing_file_is_named_with_its_hash_and_command(data):

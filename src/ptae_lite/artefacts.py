@@ -128,13 +128,15 @@ def sha256(path: Path, *_stamp) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def register(name: str, *, command: str, seed: int | None, minutes: float, data=None) -> dict:
+def register(name: str, *, command: str, seed: int | None, minutes: float, data=None,
+             inputs: dict[str, str] | None = None) -> dict:  # fmt: skip
     """Write the manifest's entry of a file that has just been put into `data/`, and return it.
 
     Args:
         command: the command that made the file.
         seed: its seed, if there is one.
         minutes: how long the command took.
+        inputs: data that it read and that are not stored here: by name, a hash of their content.
     """
     data = data or data_folder()
     path = inside(name, data)
@@ -149,6 +151,8 @@ def register(name: str, *, command: str, seed: int | None, minutes: float, data=
         "minutes": round(minutes, 1),
         "versions": {"python": platform.python_version()} | _versions(),
     }
+    if inputs:
+        entries[name]["inputs"] = inputs
     if path.suffix == ".safetensors":  # weights without an experiment are of an earlier recipe
         with suppress(ArtefactError):  # a damaged file is reported when it is loaded
             entries[name]["experiment"] = load_weights(path)[1].get("experiment", EARLIER)
