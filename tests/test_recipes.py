@@ -1,19 +1,18 @@
-"""The search for the recipe of few labels: one choice at a time, never on the test patterns."""
+"""The search for the regular recipes: one choice at a time, never on the test patterns."""
 
 import json
-import shutil
 from dataclasses import asdict, replace
 
+import numpy as np
 import pandas as pd
 import pytest
 
 import ptae_lite.__main__ as cli
-from ptae_lite import artefacts
 from ptae_lite.data import batches
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, runner, supervision
 from ptae_lite.experiments.experiment import Experiment, Labels
-from ptae_lite.models import MODELS
+from ptae_lite.models import ADAM, MODELS
 
 
 @pytest.fixture
@@ -25,55 +24,79 @@ def asked(monkeypatch, trained):
         kept.append(one)
         return trained
 
-    def score(trained, samples, data, choice, seed):
-        row = {"data": data, "choice": choice, "seed": seed, "describe_accuracy": 50.0 + len(kept)}
-        return pd.DataFrame([row])
+    def score(trained, samples, *job):
+        row = dict(zip(recipes.KEY, job, strict=True))
+        return pd.DataFrame([row | {"describe_accuracy": 50.0 + len(kept)}])
 
     monkeypatch.setattr(Experiment, "fit", fit)
-    monkeypatch.setattr(recipes, "STUDY", replace(recipes.STUDY, score=score))
+    monkeypatch.setattr(recipes, "STUDY", replace(recipes.STUDY, score=score, watch=None))
     return kept
 
 
-def test_each_choice_changes_one_number_of_the_recipe(few):
-    regular = asdict(supervision.recipe_of("ptae"))
-    for choice, (_, changes) in recipes.CHOICES.items():
-        found = recipes.experiment_of(few, "recording", choice, 4)
-        assert (found.model, found.split, found.seed) == ("ptae", "fit", 4)
-        assert found.labels == Labels("random", 10)
-        different = {k: v for k, v in asdict(found.recipe).items() if v != regular[k]}
-        assert different == changes | {"seed": 4} and len(different) == 1 + (choice != "regular")
+def test_each_choice_changes_what_it_says_and_nothing_else(few):
+    for model, share, choice, seed in recipes.grid((4,)):
+        found = recipes.experiment_of(few, "recording", model, share, choice, seed)
+        assert (found.model, found.split, found.seed) == (model, "fit", 4)
+        assert found.labels == (Labels("random", 10) if share == 10 else Labels())
+        regular = asdict(MODELS[model].recipe) | {"seed": 4}
+        changes = ADAM[model] if choice == "adam" else recipes.CHOICES[choice].changes
+        assert asdict(found.recipe) == regular | changes
+        assert (asdict(found.recipe) == regular) == (choice == "regular")
+
+
+def test_no_two_rows_are_the_same_training(samples):
+    rows = [recipes.experiment_of(samples, samples.name, *job) for job in recipes.grid()]
+    assert len({one.hash for one in rows}) == len(rows)
+    assert {one.model for one in rows} == {"ptae", "pgae", "pvae"}
+
+
+def test_only_ptae_is_trained_with_a_tenth_of_the_labels():
+    assert {model for model, share, *_ in recipes.grid() if share == 10} == {"ptae"}
+    assert recipes.grid((2,), ("pgae",), ("regular",)) == [("pgae", 100.0, "regular", 2)]
 
 
 def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
-    recipes.study(few, tmp_path, ("regular", "once"), (1,))
-    table = recipes.study(few, tmp_path, ("regular", "short"), (0, 1))
-    seeds = [one.seed for one in asked]
-    assert seeds == [1, 1, 0, 0, 1] and len(table) == 5
+    def search(seeds, *choices):
+        return recipes.study(few, tmp_path, recipes.grid(seeds, ("ptae",), choices, (100,)))
+
+    search((1,), "regular", "slow")
+    table = search((0, 1), "regular", "fast")
+    assert [one.seed for one in asked] == [1, 1, 0, 0, 1] and len(table) == 5
     assert not table.duplicated(recipes.KEY).any()
-    assert table.set_index(recipes.KEY)["describe_accuracy"]["recording", "short", 0] == 54
-    with pytest.raises(ConfigError, match="no choice 'guess'; there are regular; once; short"):
-        recipes.study(few, tmp_path, ("guess",))
+    with pytest.raises(ConfigError, match="no choice 'guess'; there are regular; adam; no-decay"):
+        search((0,), "guess")
+    with pytest.raises(ConfigError, match="no model 'prae'; there are ptae; pgae; pvae"):
+        recipes.grid(models=("prae",))
 
 
-def test_rows_that_are_stored_are_not_made_again(samples, asked, tmp_path):
-    shutil.copy(artefacts.stored("results/recipes.csv"), tmp_path)
-    before = (tmp_path / "recipes.csv").read_bytes()
-    recipes.study(samples, tmp_path)
-    assert not asked and (tmp_path / "recipes.csv").read_bytes() == before
-
-
-def test_held_out_patterns_take_no_part_in_a_training(samples, small_experiments, monkeypatch):
-    """The real thing in small: scored on held-out patterns, trained on the others."""
+@pytest.mark.parametrize(("share", "labelled"), [(100.0, 552), (10.0, 56)])
+def test_held_out_patterns_take_no_part_in_a_training(
+    samples, small_experiments, monkeypatch, share, labelled
+):
+    """The real thing in small: watched and scored on held-out patterns, trained on the others."""
     seen, scored, build = set(), [], batches.build
-    monkeypatch.setattr(recipes, "REGULAR", replace(MODELS["ptae"].recipe, epochs=1, batch=54))
+    quick = replace(MODELS["ptae"].recipe, epochs=1, batch=54)
+    monkeypatch.setattr(recipes, "recipe_of", lambda model, choice: quick)
     monkeypatch.setattr(batches, "build", lambda source, samples, *rest: (
         seen.update(samples.tolist()) or build(source, samples, *rest)))  # fmt: skip
     monkeypatch.setattr(supervision, "scores", lambda trained, samples, split: (
         scored.append(split) or {"describe_accuracy": 1.0}))  # fmt: skip
-    row = runner.work(recipes.STUDY, samples, None, ("recording", "once", 0))
-    assert "model" not in row and row["choice"].item() == "once"
-    assert row["labelled"].item() == 56 and scored == ["held_out"]
+    row = runner.work(recipes.STUDY, samples, None, ("recording", "ptae", share, "regular", 0))
+    assert list(row[recipes.KEY].iloc[0]) == ["recording", "ptae", share, "regular", 0]
+    assert len(row) == 1 and row["labelled"].item() == labelled and scored == ["held_out"]
     assert seen and seen <= set(samples.split("fit").tolist())
+    assert np.isnan(row["seconds_to_all"].item())  # an epoch describes nothing
+
+
+def test_the_seconds_until_all_are_described(few, trained, monkeypatch):
+    points = [{"epoch": e, "updates": 24 * e, "seconds": 9.0 * e, "describe_accuracy": right}
+              for e, right in ((5, 100.0), (10, 98.0), (15, 100.0), (20, 100.0))]  # fmt: skip
+    about = trained.about | {"watched": points, "labelled": 4, "supervised_samples_seen": 1}
+    monkeypatch.setattr(supervision, "scores", lambda *_: {})
+    monkeypatch.setattr(supervision, "examples", lambda *_: pd.DataFrame({"sample": [1]}))
+    job = (few, "recording", "ptae", 100.0, "slow", 3)
+    row = recipes.score(replace(trained, about=about), *job)
+    assert row["seconds_to_all"].item() == 135
 
 
 def test_the_command_runs_the_search(few, asked, monkeypatch, capsys, tmp_path):
@@ -81,4 +104,4 @@ def test_the_command_runs_the_search(few, asked, monkeypatch, capsys, tmp_path):
     options = ["--variants", "slow", "--seeds", "2", "--out", str(tmp_path), "--json"]
     assert cli.main(["study", "recipes", *options]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] == 1
-    assert asked[0].recipe.learning_rate == MODELS["ptae"].recipe.learning_rate / 2
+    assert asked[0].recipe.muon_lr == MODELS["ptae"].recipe.muon_lr / 2

@@ -73,22 +73,22 @@ def experiment_of(samples: Samples, data: str, variant: str, seed: int) -> Exper
     return experiment(samples, *VARIANTS[variant], seed, name=variant)
 
 
-def watch(trained: Trained, samples: Samples, epoch: int) -> dict | None:
+def watch(trained: Trained, samples: Samples, epoch: int, split: str = "test") -> dict | None:
     """A point of a curve, after every `EVERY` epochs and after the last."""
     epochs = trained.about["recipe"]["epochs"]
     if epoch % EVERY and epoch != epochs:
         return None
     return {
         "epoch": epoch, "updates": epoch * trained.about["steps"] // epochs,
-        "describe_accuracy": round(100 * float(described(trained, samples).mean()), 3),
+        "describe_accuracy": round(100 * float(described(trained, samples, split).mean()), 3),
     }  # fmt: skip
 
 
-def described(trained: Trained, samples: Samples):
-    """Which test samples are described correctly."""
-    test = samples.split("test")
-    answer = respond(trained, Source(trained.dataset(samples)), test, "describe")
-    return correct(answer, samples, test)
+def described(trained: Trained, samples: Samples, split: str = "test"):
+    """Which samples of a split are described correctly."""
+    asked = samples.split(split)
+    answer = respond(trained, Source(trained.dataset(samples)), asked, "describe")
+    return correct(answer, samples, asked)
 
 
 def score(trained: Trained, samples: Samples, data: str, variant: str, seed: int) -> dict:

@@ -1,97 +1,142 @@
-"""Which recipe is best with few labels? Scored on held-out training patterns, never on the test.
+"""The search for the regular recipes, scored on held-out training patterns, never on the test.
 
-PTAE with a tenth of the labels is trained on the split `fit`: by the recipe of
-`experiments.supervision`, and by others that differ from it in one choice. With the same seed, all
-of them have the same labelled samples.
+A row of `recipes.csv` is one training on the split `fit`: of a model's regular recipe, or of one
+that differs from it in one choice, with all labels or with a tenth of them. With the same seed and
+share, all choices have the same labelled samples.
 """
 
 from __future__ import annotations
 
 from argparse import ArgumentParser
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import pandas as pd
 
 from ptae_lite.cli import data_options
 from ptae_lite.data.samples import Samples
-from ptae_lite.experiments import options, supervision
+from ptae_lite.experiments import family, options, supervision
 from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.experiments.supervision_grid import Job
+from ptae_lite.models import ADAM, MODELS
 from ptae_lite.models.checkpoint import Trained
+from ptae_lite.recipe import Recipe
 
-SHARE = 10  # percent of the samples that have a label: of 552, 56
-REGULAR = supervision.recipe_of("ptae")
+ALL, TENTH = 100, 10  # percent of the samples that have a label
 
 
 class Choice(NamedTuple):
-    """A recipe to compare.
+    """A recipe to compare with the regular one.
 
     Args:
         says: what it changes, in words.
-        changes: the settings of the recipe that it changes.
+        changes: the settings of PTAE's recipe that it changes.
+        shares: with which shares of labels it is tried.
+        others: whether the other models are trained with it as well.
     """
 
     says: str
     changes: dict
+    shares: tuple[float, ...] = (ALL, TENTH)
+    others: bool = False
 
 
+RATE, EPOCHS = Recipe().muon_lr, Recipe().epochs
 CHOICES = {
-    "regular": Choice("the recipe of the study", {}),
-    "once": Choice("each sample once an epoch, labelled or not", {"balanced": False}),
-    "short": Choice("half the epochs", {"epochs": REGULAR.epochs // 2}),
-    "long": Choice("twice the epochs", {"epochs": REGULAR.epochs * 2}),
-    "slow": Choice("half the learning rate", {"learning_rate": REGULAR.learning_rate / 2}),
-    "fast": Choice("twice the learning rate", {"learning_rate": REGULAR.learning_rate * 2}),
+    "regular": Choice("the regular recipe", {}, others=True),
+    "adam": Choice("Adam alone, with the rates that were best for it", ADAM["ptae"], others=True),
+    "no-decay": Choice("no weight decay", {"muon_decay": 0.0}),
+    "slow": Choice("half of Muon's learning rate", {"muon_lr": RATE / 2}, (ALL,)),
+    "fast": Choice("twice Muon's learning rate", {"muon_lr": RATE * 2}, (ALL,)),
+    "short": Choice("half the epochs", {"epochs": EPOCHS // 2}, (TENTH,)),
+    "long": Choice("twice the epochs", {"epochs": EPOCHS * 2}, (ALL,)),
     "no-mixup": Choice("no mixup of clips", {"mixup": False}),
     "one-learning-rate": Choice(
-        "the action decoder no faster than the rest", {"action_lr_scale": 1.0}
+        "the action decoder no faster than the rest", {"action_lr_scale": 1.0}, (ALL,)
     ),
+    "once": Choice("each sample once an epoch, labelled or not", {"balanced": False}, (TENTH,)),
 }
-KEY = ["data", "choice", "seed"]
+TRAINED = ("ptae", "pgae", "pvae")
+SEEDS = (0, 1)  # of every choice; the regular recipes have five
+KEY = ["data", "model", "share", "choice", "seed"]
 
 
-def job_of(seed: int) -> Job:
+def grid(seeds=SEEDS, models=TRAINED, choices=tuple(CHOICES), shares=(ALL, TENTH)) -> list[tuple]:
+    """The rows to make, as values of the columns `KEY` after the first, seed by seed.
+
+    Raises:
+        ConfigError: there is no such model or choice.
+    """
+    check_names(models, TRAINED, "model")
+    check_names(choices, CHOICES, "choice")
+    return [
+        (model, float(share), choice, seed)
+        for seed in seeds for model in models for choice in choices for share in shares
+        if share in CHOICES[choice].shares
+        and (model == "ptae" or (CHOICES[choice].others and share == ALL))
+    ]  # fmt: skip
+
+
+def recipe_of(model: str, choice: str) -> Recipe:
+    """The recipe of a row."""
+    changes = ADAM[model] if choice == "adam" else CHOICES[choice].changes
+    return replace(MODELS[model].recipe, **changes)
+
+
+def job_of(model: str, share: float, seed: int) -> Job:
     """The job of the study of supervision; every choice trains it with another recipe."""
-    return Job("ptae", "samples", "balanced", SHARE, seed)
+    return Job(model, "samples", "balanced", share, seed)
 
 
-def experiment_of(samples: Samples, data: str, choice: str, seed: int) -> Experiment:
+def experiment_of(samples: Samples, data: str, model: str, share: float, choice: str,
+                  seed: int) -> Experiment:  # fmt: skip
     """The training of a row."""
-    recipe = replace(REGULAR, **CHOICES[choice].changes)
-    return supervision.experiment_of(samples, job_of(seed), recipe, split="fit")
+    recipe = recipe_of(model, choice)
+    return supervision.experiment_of(samples, job_of(model, share, seed), recipe, split="fit")
 
 
-def score(trained: Trained, samples: Samples, data: str, choice: str, seed: int) -> pd.DataFrame:
-    """A row: the scores of the study of supervision, on held-out patterns."""
-    row = supervision.score(trained, samples, job_of(seed), split="fit")[supervision.FILE]
-    row["choice"] = choice
-    dropped = (*KEY, "model", "mode", "variant", "share")
+def score(trained: Trained, samples: Samples, data: str, model: str, share: float, choice: str,
+          seed: int) -> pd.DataFrame:  # fmt: skip
+    """A row: the scores of the study of supervision, on held-out patterns.
+
+    `seconds_to_all` are those of training until it describes all of them, and goes on doing so;
+    NaN if it never does.
+    """
+    found = supervision.score(trained, samples, job_of(model, share, seed), split="fit")
+    row = found[supervision.FILE].iloc[:1].assign(choice=choice)
+    curve = pd.DataFrame(trained.about["watched"]).assign(variant=choice, seed=seed)
+    row["seconds_to_all"] = family.updates_to(curve, 100)["seconds"].item()
+    dropped = (*KEY, "mode", "variant")
     return row[KEY + [column for column in row if column not in dropped]]
 
 
-STUDY = Study("recipes.csv", KEY, experiment_of, score)
+STUDY = Study("recipes.csv", KEY, experiment_of, score,
+              watch=partial(family.watch, split="held_out"))  # fmt: skip
 
 
-def study(samples: Samples, folder, choices=tuple(CHOICES), seeds=(0, 1),
-          **where) -> pd.DataFrame:  # fmt: skip
-    """Run every choice with one seed, then with the next; see `runner.run`."""
-    check_names(choices, CHOICES, "choice")
-    jobs = [(samples.name, choice, seed) for seed in seeds for choice in choices]
-    return run(STUDY, samples, jobs, folder, **where)
+def study(samples: Samples, folder, jobs: list[tuple] | None = None, **where) -> pd.DataFrame:
+    """Make the rows of `jobs` (all of `grid` if None); see `runner.run`."""
+    rows = [(samples.name, *job) for job in (grid() if jobs is None else jobs)]
+    return run(STUDY, samples, rows, folder, **where)
 
 
 def add_options(parser: ArgumentParser) -> None:
     """Add the options of the study."""
     data_options(parser)
-    options.trainings(parser, seeds=(0, 1))
+    options.trainings(parser, SEEDS)
+    parser.add_argument("--models", nargs="+", metavar="NAME", default=TRAINED, help="which models")
     parser.add_argument("--variants", nargs="+", metavar="NAME", default=tuple(CHOICES),
                         help="which choices")  # fmt: skip
+    parser.add_argument("--shares", type=float, nargs="+", metavar="PERCENT",
+                        choices=(ALL, TENTH), default=(ALL, TENTH),
+                        help="of the samples that have a label: 100, 10")  # fmt: skip
 
 
 def command(given) -> dict:
     """Run the study with its options; returns what the command prints."""
     samples = options.samples(given)
-    table = study(samples, given.out, given.variants, given.seeds, **options.where(given))
+    jobs = grid(given.seeds, given.models, given.variants, given.shares)
+    table = study(samples, given.out, jobs, **options.where(given))
     return options.result(given, STUDY.file, table, samples)

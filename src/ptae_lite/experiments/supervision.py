@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from argparse import ArgumentParser
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
 
@@ -41,7 +41,7 @@ from ptae_lite.experiments.supervision_grid import (
     select,
 )
 from ptae_lite.language import patterns, sentence
-from ptae_lite.models import ADAM, MODELS
+from ptae_lite.models import MODELS
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.recipe import Recipe
 
@@ -55,7 +55,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
     """The training of a job; None for the linear baseline, which is not trained.
 
     Args:
-        recipe: None for `recipe_of` its model.
+        recipe: None for the model's own.
         split: `fit` if settings are chosen.
 
     Raises:
@@ -65,7 +65,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
         return None
     if (job.mode, job.model) == ("iterations", "pvae"):
         raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
-    own, labels = asdict(recipe or recipe_of(job.model)), Labels()
+    own, labels = asdict(recipe or MODELS[job.model].recipe), Labels()
     if not job.regular:
         variant = VARIANTS[job.variant]
         own |= variant.recipe | {"epochs": own["epochs"] * variant.times}
@@ -77,15 +77,10 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
                       name=_weights_of(job))  # fmt: skip
 
 
-def recipe_of(model: str) -> Recipe:
-    """The recipe of the stored trainings of a model."""
-    return replace(MODELS[model].recipe, **ADAM[model])
-
-
 def _weights_of(job: Job) -> str:
     """The name of a job's file of weights, such as `ptae, labelled 5`."""
     if job.regular:
-        return f"{job.model}, Adam"
+        return job.model
     if (job.mode, job.variant) == ("samples", "balanced"):
         return f"{job.model}, labelled {job.share:g}"
     return f"{job.model}, {job.mode} {job.variant} {job.share:g}"
@@ -159,7 +154,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
     """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
-        recipe: for all trainings; None for each model's own, see `recipe_of`.
+        recipe: for all trainings; None for each model's own.
         weights: a folder of trained models.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]

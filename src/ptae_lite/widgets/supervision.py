@@ -14,9 +14,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ptae_lite.errors import ConfigError
-from ptae_lite.experiments.supervision import examples, fit, recipe_of, scores
+from ptae_lite.experiments.supervision import examples, fit, scores
 from ptae_lite.experiments.supervision_grid import SHARES, Job
 from ptae_lite.language import SYNONYMS, Meaning
+from ptae_lite.models import MODELS
 from ptae_lite.plots import style
 from ptae_lite.plots.supervision import LABELS, MAIN, NAMES, draw_measure, rows_of, shared_legend
 from ptae_lite.widgets.panel_frames import as_html
@@ -120,7 +121,7 @@ def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) 
 
         job = Job(model, mode, MAIN[mode][0], share, seed)
         try:
-            recipe = replace(recipe_of(model), epochs=epochs)
+            recipe = replace(MODELS[model].recipe, epochs=epochs)
             trained = fit(samples, job, recipe, progress=counted)
         except ConfigError as error:
             return str(error)
