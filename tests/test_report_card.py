@@ -1,8 +1,6 @@
 """The report card: every rule can fail, every link leads somewhere, and a run is a run."""
 
 import re
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -74,42 +72,19 @@ def test_the_sentence_beside_a_verdict_belongs_to_it():
 
 
 @pytest.mark.parametrize(
-    ("short", "long", "upwards", "verdict"),
-    [([9, 8], [9, 8], True, (NOT_HELD, "for that 8 times the updates bring it hardly nearer.")),
-     ([9, 8], [12, 13], True,
-      (NOT_TESTABLE, "8 times the updates bring it 4 points nearer; more was not tried.")),
-     ([9, 8], [12, 13], False,
-      (NOT_HELD, "for that 8 times the updates bring it hardly nearer.")),
-     ([9, 8], [99, 98], True,
-      (NOT_TESTABLE, "8 times the updates bring it there, in the trainings that are as long.")),
-     ([], [], True,
-      (NOT_TESTABLE, "It was not trained longer, and with so few labels that may matter."))],
-)  # fmt: skip
-def test_with_few_labels_a_longer_training_is_asked_before_a_claim_is_not_held(
-    short, long, upwards, verdict
-):
-    def lengths(tables):
-        return pd.Series(short, dtype=float), pd.Series(long, dtype=float)
-
-    about = {"remark": "for that", "longer": lengths}
-    low, high = (replace(claim([v] * 3, **about), upwards=upwards) for v in (9, 99))
-    assert report_card.verdict(low, NOTHING) == verdict
-    assert report_card.verdict(high, NOTHING)[0] == HELD
-
-
-def test_two_lengths_are_compared_with_the_seeds_of_both():
+    ("mode", "share", "expected"),
+    [("iterations", 1, [20, 30]), ("iterations", 2, [5, 6, 7]), ("samples", 1, [9, 9])],
+)
+def test_the_longest_trainings_count_with_few_iterations(mode, share, expected):
     rows = pd.DataFrame(
-        [("ptae", "samples", 1, variant, seed, score)
+        [("ptae", mode, share, variant, seed, score)
          for variant, scores in (("paper", (5, 6, 7)), ("long", (20, 30)), ("balanced", (9, 9)))
-         for seed, score in enumerate(scores)],
+         for seed, score in enumerate(scores) if share == 1 or variant != "long"],
         columns=["model", "mode", "share", "variant", "seed", "describe_accuracy"],
     )  # fmt: skip
     tables = NOTHING._replace(supervision=rows.sample(frac=1, random_state=0))
-    read = partial(claim_metrics.with_labels, "ptae", "describe_accuracy", "samples", 1)
-    short, long = claim_metrics.both_lengths(read, 1)(tables)
-    assert short.to_dict() == {0: 5, 1: 6} and long.to_dict() == {0: 20, 1: 30}
-    assert claim_metrics.both_lengths(read, 5) is None
-    assert read()(tables).tolist() == [9, 9]
+    read = claim_metrics.with_labels("ptae", "describe_accuracy", mode, share)
+    assert read(tables).sort_index().tolist() == expected
 
 
 def test_models_are_compared_seed_by_seed_where_both_have_it():

@@ -95,7 +95,6 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     for model in () if core else ("ptae", "pgae"):
         for seed in seeds:
             more(model, "iterations", "long", seed, 1, 2)
-            more(model, "samples", "long", seed, 1, 2)
             more(model, "samples", "covering", seed, 1, 2, 5)
             more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
             more(model, "samples", "paper", seed, *SHARES["samples"])

@@ -20,8 +20,8 @@ from ptae_lite.experiments.incongruence import ANSWERS_WORDS, EXTRA_INPUT
 from ptae_lite.experiments.supervision_grid import REGULAR
 from ptae_lite.paper import reported
 
-TINY = 2  # percent: with so few labels a longer training counts as well
 MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours agrees with a number if it is worse by this or less
+LONGEST_FIRST = ("long", "paper")  # variants of few iterations
 SEPARATED, PLAIN = "separated 3x10", "plain 10"
 IN_WORDS = "in words"  # stands for the paper's number if it gives none
 
@@ -60,9 +60,6 @@ class ClaimTest:
         remark: what to add if it does not hold there, or cannot be tested.
         theirs: the same two, for the authors' data.
         trained: each value is a training, so a single value is weak evidence.
-        longer: values of trainings with few labels, and of ones eight times as long, by seed. If
-            the long ones come nearer to the claim, the report card does not say that it fails.
-        upwards: a larger value is nearer to the claim.
         number: the paper's number, if the claim has one.
     """
 
@@ -78,8 +75,6 @@ class ClaimTest:
     remark: str = ""
     theirs: Notes = Notes()
     trained: bool = True
-    longer: Callable[[Tables], tuple[pd.Series, pd.Series]] | None = None
-    upwards: bool = True
     number: reported.PaperNumber | None = None
 
     @property
@@ -96,9 +91,8 @@ def number(says: str, claim: reported.PaperNumber, values, unit="%", **more) -> 
             return np.median(found) >= claim.value - MARGIN[unit]
         return np.median(found) <= claim.value + MARGIN[unit]
 
-    upwards = claim.reads == reported.AT_LEAST
     return ClaimTest(says=says, paper=claim.says, values=values, holds=holds, unit=unit,
-                 upwards=upwards, number=claim, **more)  # fmt: skip
+                 number=claim, **more)  # fmt: skip
 
 
 def always(found, _) -> bool:
@@ -151,40 +145,25 @@ def ratio_of_updates(tables: Tables):
     return (100 * updates["PTAE"] / updates["PGAE"]).dropna()
 
 
-def with_labels(model: str, column: str, mode: str, share: float, variant: str | None = None):
+def with_labels(model: str, column: str, mode: str, share: float):
     """Makes a function of `Tables`: a score with a share of the labels, by seed.
 
-    With 1 or 2 % of the iterations, a regular training sees labels too seldom to judge it. So the
-    long training counts there. With few samples, the variant is `balanced`.
+    With few samples, the variant is `balanced`. With few iterations, the longest trainings count:
+    in a short one labels may be too seldom to judge the share.
     """
-    chosen = "balanced" if mode == "samples" else "long" if share <= TINY else "paper"
+    variants = ("balanced",) if mode == "samples" else LONGEST_FIRST
 
     def values(tables: Tables) -> pd.Series:
         rows = tables.supervision
         if rows.empty:
             return pd.Series(dtype=float)
-        same = (rows["model"] == model) & (rows["mode"] == mode) & (rows["share"] == share)
-        regular = rows["share"] == REGULAR[mode]
-        same &= regular | (rows["variant"] == (variant or chosen))
-        return rows[same].set_index("seed")[column]
+        rows = rows[(rows["model"] == model) & (rows["mode"] == mode) & (rows["share"] == share)]
+        if share != REGULAR[mode]:
+            there = [name for name in variants if name in set(rows["variant"])]
+            rows = rows[rows["variant"].isin(there[:1])]
+        return rows.set_index("seed")[column]
 
     return values
-
-
-def both_lengths(read, share: float):
-    """Makes a function of `Tables`: the values of the regular and of the long trainings.
-
-    Both use labels as the paper does, and both have the same seeds. None if the share is above
-    `TINY`, because there is no long training.
-
-    Args:
-        read: called with a variant; returns a function of `Tables`.
-    """
-
-    def values(tables: Tables) -> tuple[pd.Series, pd.Series]:
-        return read("paper")(tables).align(read("long")(tables), join="inner")
-
-    return values if share <= TINY else None
 
 
 def under(signal: str, conflicts: int, place: str | None = None):
@@ -247,13 +226,11 @@ def plateau(model: str, column: str, *shares: float):
     return values
 
 
-def ahead(column: str, mode: str, share: float, variant: str | None = None):
+def ahead(column: str, mode: str, share: float):
     """Makes a function of `Tables`: how far PTAE is ahead of PGAE with a share of the labels."""
 
     def values(tables: Tables) -> pd.Series:
-        one, other = (
-            with_labels(m, column, mode, share, variant)(tables) for m in ("ptae", "pgae")
-        )
+        one, other = (with_labels(m, column, mode, share)(tables) for m in ("ptae", "pgae"))
         return (one - other).dropna()
 
     return values

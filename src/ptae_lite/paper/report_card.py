@@ -9,14 +9,12 @@ from ptae_lite import artefacts
 from ptae_lite.data.samples import Samples
 from ptae_lite.evaluation import evaluate
 from ptae_lite.experiments import incongruence_table
-from ptae_lite.experiments.supervision_grid import VARIANTS
 from ptae_lite.models.checkpoint import Trained
 from ptae_lite.paper.claim_metrics import MARGIN, ClaimTest, Tables
 from ptae_lite.paper.claims import CLAIMS
 
 HELD, CAVEAT, NOT_HELD = "held", "held with a caveat", "not held"
 NOT_TESTABLE, NOT_TRAINED = "not testable", "not trained"
-LONGER = f"{VARIANTS['long'].times} times the updates bring it"
 NOTHING = Tables(*[pd.DataFrame()] * 5)
 VERDICTS = (HELD, CAVEAT, NOT_HELD, NOT_TESTABLE, NOT_TRAINED)
 ASKED = [  # the conditions that a run needs for the claims about conflicts
@@ -65,18 +63,7 @@ def verdict(claim: ClaimTest, tables: Tables, theirs: bool = False) -> tuple[str
     if claim.holds(values, tables):
         why = " ".join(filter(None, (caveat, one)))
         return CAVEAT if why else HELD, why
-    if claim.longer is None:
-        return NOT_HELD, " ".join(filter(None, (remark, one)))
-    short, long = claim.longer(tables)
-    if not len(long):
-        return NOT_TESTABLE, "It was not trained longer, and with so few labels that may matter."
-    if claim.holds(np.asarray(long), tables):
-        return NOT_TESTABLE, f"{LONGER} there, in the trainings that are as long."
-    nearer = (long - short).mean() * (1 if claim.upwards else -1)
-    if nearer > MARGIN.get(claim.unit, MARGIN["%"]):
-        unit = "points" if claim.unit == "%" else claim.unit
-        return NOT_TESTABLE, f"{LONGER} {nearer:.0f} {unit} nearer; more was not tried."
-    return NOT_HELD, " ".join(filter(None, (remark, f"{LONGER} hardly nearer.", one)))
+    return NOT_HELD, " ".join(filter(None, (remark, one)))
 
 
 def card(ours: Tables, theirs: Tables = NOTHING, run: Tables | None = None) -> pd.DataFrame:
