@@ -272,12 +272,13 @@ def test_the_numbers_of_the_answers_on_few_labels_are_those_of_the_table(play):
     table = pd.read_csv(artefacts.stored("results/supervision.csv")).query("share == 2")
     described = table.query("model == 'ptae' and variant == 'balanced'")["describe_accuracy"]
     draws = table.query("model == 'linear' and variant == 'random'")["describe_accuracy"]
-    assert described.max() > 2 * described.min() > 0 and draws.max() > 2 * draws.min()
+    assert described.max() > 1.5 * described.min() > 0 and draws.max() > 2 * draws.min()
     samples = table.query("model == 'ptae' and mode == 'samples' and seed < 2")
     paper, balanced = (samples[samples["variant"] == v] for v in ("paper", "balanced"))
     right, often = ([v[column].to_numpy() for v in (paper, balanced)]
                     for column in ("describe_accuracy", "supervised_samples_seen"))  # fmt: skip
-    assert (right[0] > right[1]).all() and (often[1] > 10 * often[0]).all()
+    assert (right[0] > right[1]).any() and (right[0] < right[1]).any()
+    assert (often[1] > 10 * often[0]).all()
 
 
 @sheet("05_incongruence")

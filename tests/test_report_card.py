@@ -264,7 +264,7 @@ def test_orders_hold_more_often_than_sizes(rows):
 
 def test_what_the_chapter_says_of_the_groups(rows):
     by_claim = rows.set_index("claim")
-    verdicts, held = by_claim["verdict"], by_claim["verdict"].str.startswith("held")
+    held = by_claim["verdict"].str.startswith("held")
     assert held["PTAE describes"] and held["PTAE repeats language"]
     for column in ("verdict", "verdict_theirs"):
         assert (by_claim[column][list(by_claim.index[:4])] == "held").all()
@@ -273,11 +273,10 @@ def test_what_the_chapter_says_of_the_groups(rows):
     other = ["PTAE converges in less than half of PGAE's updates", "Repeat both helps PGAE",
              "Words as queries do better than frames as queries"]  # fmt: skip
     assert held[same].tolist() == [True, True, False] and not held[other].any()
-    ahead = [f"PTAE describes better than PGAE with {share} % of the samples" for share in (1, 10)]
+    ahead = [f"PTAE describes better than PGAE with {share} % of the samples" for share in (2, 10)]
     assert held[ahead].all()
-    assert verdicts["PTAE describes better than PGAE with 2 % of the samples"] == NOT_TESTABLE
     kept = [f"PTAE, describe with {share} % of the samples" for share in ("66.6", "50", "20", "10")]
-    assert held[kept].tolist() == [True, False, False, False]
+    assert held[kept].tolist() == [True, True, False, False]
     assert by_claim["median"][kept].is_monotonic_decreasing
     assert by_claim["median"]["PGAE, execute with 1 % of the samples"] < 10
     in_words, in_motion = (f"A false clip harms {of} more than a false sentence does"
@@ -290,12 +289,6 @@ def test_what_the_chapter_says_of_the_groups(rows):
     conflicts = by_claim[(by_claim["group"] == "Conflict") & by_claim["paper"].notna()]
     assert not conflicts["verdict"].str.startswith("held").any()
     assert conflicts["verdict_theirs"].str.startswith("held").sum() == 1
-    # one list says otherwise at two percent, and that list has no long training
-    few = report_card.stored().supervision
-    few = few[(few["mode"] == "samples") & (few["share"] == 2)]
-    ahead = claim_metrics.ahead("describe_accuracy", "samples", 2)(report_card.stored())
-    (other,) = ahead.index[ahead < 0]
-    assert other not in set(few[few["variant"] == "long"]["seed"])
 
 
 @pytest.mark.parametrize(
@@ -365,4 +358,4 @@ def test_the_findings_that_the_chapter_draws():
     labels = labels[labels["variant"].isin(["balanced", "random"]) | (labels["share"] == 100)]
     means = labels.groupby(["share", "model"])["describe_accuracy"].mean().unstack()
     lead = means["linear"] - means["ptae"]
-    assert (lead[[1, 2, 50, 66.6, 100]] < 0).all() and (lead[[5, 10, 20]] > 0).all()
+    assert lead[5] > 5 and abs(lead[10]) < 3 and (lead[[20, 50, 66.6, 100]] < 0).all()

@@ -21,7 +21,7 @@ from ptae_lite.plots import supervision as supervision_plots
 WORDS = ["action_accuracy", "colour_accuracy", "speed_accuracy"]
 DESCRIBE, EXECUTE = "describe_accuracy", "execute_nrmse"
 CHAPTER = "04_limited_supervision"
-MODELS_PAGE, LENGTH_PAGE = "in_depth/04_few_labels", "in_depth/04_how_often"
+MODELS_PAGE, OFTEN_PAGE = "in_depth/04_few_labels", "in_depth/04_how_often"
 
 
 def finding(true, page: str, section: str, sentence: str) -> None:
@@ -71,17 +71,18 @@ def test_which_thirteen_clips_have_a_label_matters_as_much_as_the_model(table):
 def test_few_iterations_and_few_samples_are_two_experiments(table):
     few, samples = (mean(table, "ptae", mode) for mode in ("iterations", "samples"))
     finding(
-        (few[[2, 10, 20]] > samples[[2, 10, 20]] + 3).all(),
-        CHAPTER,
-        "Two ways to have few labels",
-        "few iterations cost less than few samples",
+        (few[[10, 20]] > samples[[10, 20]] + 3).all() and abs(few[2] - samples[2]) < 10,
+        OFTEN_PAGE,
+        "As many uses, fewer labels",
+        "few iterations cost less than few samples; with a fiftieth the two are near each other",
     )
-    once = mean(table, "ptae", variant="paper")
+    uses = table[(table["model"] == "ptae") & (table["mode"] == "iterations")]
+    uses = uses[uses["share"] == 2]["supervised_samples_seen"] / 648
     finding(
-        few[10] > once[10] + 3 and abs(once[10] - samples[10]) < 5,
-        CHAPTER,
-        "Two ways to have few labels",
-        "it is not for want of showing: paper is behind few iterations, too",
+        uses.between(1, 2).all(),
+        OFTEN_PAGE,
+        "As many uses, fewer labels",
+        "with a fiftieth the first has seen each sentence once or twice",
     )
     finding(
         few[10] < 99 and few[1] < 99,
@@ -99,7 +100,8 @@ def test_describe_falls_with_the_labels_and_stays_above_chance(table):
         "Move the slider",
         "describe falls first and far",
     )
-    finding((listed(table, "ptae") > CHANCE).all(), CHAPTER, "Move the slider", "above chance")
+    few = listed(table, "ptae").drop(1, level="share")
+    finding((few > CHANCE).all(), CHAPTER, "Move the slider", "above chance")
 
 
 def test_execute_and_the_repeat_signals_hold_out(table):
@@ -107,23 +109,22 @@ def test_execute_and_the_repeat_signals_hold_out(table):
     known = references(samples, fit_scaling(samples, samples.split("train")))
     error = mean(table, "ptae", column=EXECUTE)
     finding(
-        error[10] / error[100] < 1.5,
+        error[2] / error[100] < 1.4 and error[10] / error[100] < 1.1,
         CHAPTER,
         "Move the slider",
-        "with a tenth of the labels the error of execute is little larger",
+        "execute stays nearly where it was down to thirteen clips",
     )
     finding(
-        (error[[1, 2, 5]] > known["mean of action word and side"][0]).all()
-        and error[10] < known["mean of action word and side"][0],
+        error.max() < known["mean of action word and side"][0],
         CHAPTER,
-        "Move the slider",
-        "with a twentieth and fewer the mean motion of word and side does better, not with a tenth",
+        "Figure 4.6",
+        "the error stays below the mean motions",
     )
     finding(
         error[[1, 2, 5, 10]].is_monotonic_decreasing,
-        CHAPTER,
-        "Move the slider",
-        "execute changes little down to a tenth of the labels, then declines",
+        MODELS_PAGE,
+        "The paper's figures",
+        "execute hardly depends on the labels until they are very few",
     )
     said = listed(table, "ptae", column="repeat_language_accuracy")
     moved = listed(table, "ptae", column="repeat_action_nrmse")
@@ -153,93 +154,64 @@ def test_from_the_same_few_labels_weighted_sums_describe_more(table):
     ahead = {
         m: (listed(table, m) - sums).dropna().drop(100, level="share") for m in ("ptae", "pgae")
     }
-    assert len(ahead["ptae"]) >= 21
+    assert len(ahead["ptae"]) >= 14
     finding(
-        (ahead["ptae"][[5, 10]] < 0).mean() > 0.8,
+        (ahead["ptae"][5] < 0).all() and abs(ahead["ptae"][10].mean()) < 5,
         CHAPTER,
         where,
-        "with 5 and 10 % PTAE is behind the linear baseline, and makes less of them",
+        "with 5 % PTAE is behind the linear baseline, with 10 % they are even",
     )
     finding(
-        (ahead["ptae"][[50, 66.6]] > 0).mean() > 0.5,
+        (ahead["ptae"][[20, 50, 66.6]] > 0).mean() > 0.8,
         CHAPTER,
         where,
-        "with half of the labels and more PTAE is mostly ahead",
+        "with a fifth of the labels and more PTAE is ahead",
     )
     finding(
-        (ahead["ptae"][[1, 2]] > 0).mean() > 0.5
-        and max(listed(table, "ptae")[[1, 2]].max(), sums[[1, 2]].max()) < 35,
+        max(listed(table, "ptae")[[1, 2]].max(), sums[[1, 2]].max()) < 35,
         CHAPTER,
         where,
-        "with thirteen labels and fewer PTAE is mostly ahead, and neither learner is much use",
+        "with thirteen labels and fewer neither learner is much use",
     )
-    for share in (5, 10):
-        finding(
-            mean(table, "pgae")[share] < sums[share].mean(),
-            CHAPTER,
-            where,
-            "the linear baseline describes more clips than either",
-        )
-        finding(
-            mean(table, "ptae")[share] < sums[share].mean(),
-            CHAPTER,
-            where,
-            "the linear baseline describes more clips than either",
-        )
+    finding(
+        (ahead["pgae"][[5, 10, 20]] < 0).all(), CHAPTER, where, "Figure 4.8: PGAE is behind both"
+    )
 
 
 @pytest.mark.parametrize("mode", list(SHARES))
-def test_ptae_is_ahead_of_pgae_at_every_share(table, mode):
+def test_ptae_is_ahead_of_pgae_at_nearly_every_share(table, mode):
     ahead = (listed(table, "ptae", mode) - listed(table, "pgae", mode)).dropna()
     assert len(ahead) >= 2 * len(SHARES[mode])
     finding(
-        (ahead.groupby("share").mean() > 0).all(),
-        CHAPTER,
-        "What do the labels alone say?",
-        "PTAE is ahead of PGAE at every share, as the paper says",
+        (ahead > 0).mean() > 0.7 and (ahead.groupby("share").mean() > 0).mean() > 0.8,
+        MODELS_PAGE,
+        "PTAE and its ancestors",
+        "of single pairs PTAE wins nearly all",
     )
 
 
-def test_ptae_loses_fewer_points_than_its_ancestors_until_a_twentieth_of_the_labels(table):
+def test_ptae_degrades_less_than_its_ancestors(table):
     ptae, pgae, pvae = (mean(table, m)[100] - mean(table, m) for m in ("ptae", "pgae", "pvae"))
     few = [5, 10, 20, 50]
-    for page, section in (
-        (CHAPTER, "What do the labels alone say?"),
-        (MODELS_PAGE, "PTAE and its ancestors"),
-    ):
-        finding(
-            (ptae[few] < pgae[few]).all() and (ptae[few] < pvae.reindex(few))[[10, 20, 50]].all(),
-            page,
-            section,
-            "from half of the labels to a twentieth PTAE loses fewer points",
-        )
-        finding(
-            ptae[2] > pgae[2] - 3,
-            page,
-            section,
-            "with thirteen labels PTAE has lost as many points as PGAE",
-        )
-
-
-def test_few_labels_and_a_weaker_start_are_both_behind_pgaes_distance(table):
-    where = MODELS_PAGE, "PTAE and its ancestors"
-    ptae, pgae, pvae = (mean(table, model) for model in ("ptae", "pgae", "pvae"))
     finding(
-        ptae[10] - pgae[10] > ptae[100] - pgae[100] > 3,
-        *where,
-        "the distance grows from all samples to a tenth, and is there with all",
+        (ptae[few] < pgae[few]).all(),
+        CHAPTER,
+        "What do the labels alone say?",
+        "PTAE degrades less than PGAE",
     )
-    for share in (10, 20):
-        finding(
-            pgae[share] < pvae[share] < ptae[share],
-            *where,
-            "with a fifth and fewer PVAE is behind PTAE, and ahead of PGAE",
-        )
-    finding(pvae[2] < pgae[2], *where, "PVAE stays ahead of PGAE only down to a tenth")
+    where = MODELS_PAGE, "PTAE and its ancestors"
     finding(
-        pvae[100] > ptae[100] and abs(ptae[50] - pvae[50]) < 2,
+        pvae[50] < 1 and pvae[20] - ptae[20] < 8 and pvae[10] - ptae[10] > 10,
         *where,
-        "PVAE describes more with all samples, and as much with half of them",
+        "PVAE describes everything with half, and with a fifth nearly as much as PTAE",
+    )
+    finding(abs(pvae[10] - pgae[10]) < 8, *where, "with a tenth it falls to PGAE's level")
+    lead = mean(table, "ptae") - mean(table, "pgae")
+    finding(
+        lead[100] < 4 < 10 < lead[20] and lead[2] < lead[20],
+        MODELS_PAGE,
+        "PTAE and its ancestors",
+        "nearly all of the distance is due to few labels; with thirteen it is smaller again",
     )
 
 
@@ -261,15 +233,15 @@ def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
     )
     speed = {model: own["speed_accuracy"] for model, own in words.items()}
     finding(
-        speed["ptae"] > 99 and max(speed["pgae"], speed["pvae"]) < 97,
+        speed["ptae"] > 99 and max(speed["pgae"], speed["pvae"]) < 99,
         *where,
         "PTAE keeps the speed, PGAE and PVAE lose some of it",
     )
     less = words["ptae"] - words["pvae"]
     finding(
-        less["action_accuracy"] > less["colour_accuracy"] > 0,
+        (less[["action_accuracy", "colour_accuracy"]] > 3).all(),
         *where,
-        "PVAE knows somewhat fewer colours than PTAE and clearly fewer actions",
+        "PVAE knows fewer colours than PTAE and fewer actions",
     )
 
 
@@ -277,144 +249,66 @@ def test_execute_by_model(table):
     where = MODELS_PAGE, "And execute?"
     pgae, ptae, pvae = (mean(table, m, column=EXECUTE) for m in ("pgae", "ptae", "pvae"))
     finding(pgae[66.6] / pgae[100] < 1.15, *where, "no jump with two thirds of the samples")
-    finding(0.6 < ptae[1] / pgae[1] < 1.6, *where, "with 1 % PGAE is not far from PTAE")
-    finding(pvae[2] / pvae[100] < 1.35 < ptae[2] / ptae[100], *where, "PVAE's error hardly rises")
+    paper = reported.BY_SHARE["pgae", EXECUTE, "samples"][1].value
+    finding(ptae[1] < pgae[1] < paper / 3, *where, "with 1 % above PTAE, far below the paper's")
+    rise = {m: e[2] / e[100] for m, e in (("ptae", ptae), ("pgae", pgae), ("pvae", pvae))}
+    finding(
+        max(rise["ptae"], rise["pvae"]) < 1.35 < 1.6 < rise["pgae"],
+        *where,
+        "down to thirteen labels PTAE's and PVAE's errors hardly rise, PGAE's about doubles",
+    )
 
 
 def test_our_trainings_are_far_shorter_than_the_papers(table):
     steps = table[(table["model"] == "ptae") & (table["variant"] == "balanced")]["steps"].max()
     finding(
         steps < 0.01 * reported.STEPS["ptae"] and MODELS["ptae"].recipe.batch > 6,
-        LENGTH_PAGE,
+        OFTEN_PAGE,
         "figure 1",
         "a hundredth of the paper's updates is more than all of ours, which have larger batches",
     )
 
 
 def test_the_number_of_labels_decides_and_not_how_often_they_are_shown(table):
-    section, page = "Often, or once an epoch", LENGTH_PAGE
     shown = table[(table["model"] == "ptae") & (table["variant"] == "balanced")]
     assert shown["supervised_samples_seen"].nunique() == 1
     finding(
         shown[DESCRIBE].max() > 95 and shown[DESCRIBE].min() < 15,
-        page,
+        OFTEN_PAGE,
         "Figure 1",
         "the column goes from the ground to the top",
     )
-    often, once = (only(table, variant) for variant in ("balanced", "paper"))
-    gain = (once - often).dropna()
-    finding((gain[[1, 2, 5]] > 0).mean() > 0.6, page, section, "with few labels paper is ahead")
-    finding(abs(gain[10].mean()) < 4, page, section, "at 10 % the two are even")
-    finding(
-        (gain[[20, 50, 66.6]] > 0).mean() < 0.4,
-        page,
-        section,
-        "with a fifth and more balanced is ahead",
+    where, uses = (OFTEN_PAGE, "As many uses, fewer labels"), "supervised_samples_seen"
+    few, once = (
+        mean(table, "ptae", mode, variant="paper")[10] for mode in ("iterations", "samples")
     )
-    seen = [only(table, v, "supervised_samples_seen") for v in ("paper", "balanced")]
-    ratio = (seen[0] / seen[1]).dropna()
-    assert (ratio[[1, 2, 5, 10, 20]] < 0.5).all() and (ratio[50] == 1).all()
-    assert (ratio[66.6] > 1.2).all()
-    ahead = (once - listed(table, "linear")).dropna()
-    finding(
-        (ahead[[1, 2]] > 0).all() and (ahead[[5, 20]] < 0).all(),
-        page,
-        section,
-        "from 1 and 2 % paper describes more than the baseline, from 5 and 20 % less",
-    )
-    for variant in (often, once):
-        finding(
-            variant.groupby("share").mean()[[1, 2, 5, 10, 20]].is_monotonic_increasing,
-            page,
-            section,
-            "it is the number of labels that decides",
-        )
-    errors = [only(table, v, EXECUTE).groupby("share").mean() for v in ("paper", "balanced")]
-    finding(
-        ((errors[0] / errors[1]) - 1).abs().max() < 0.2,
-        page,
-        section,
-        "execute is much the same in both variants",
-    )
+    often = mean(table, "ptae", variant="balanced")[10]
+    finding(few > max(once, often) + 5, *where, "every clip seldom describes more")
+    pairs = [
+        listed(table, "ptae", variant=variant)[10].sort_index() for variant in ("paper", "balanced")
+    ]
+    finding((pairs[0] > pairs[1]).all(), *where, "showing the few clips more often does not help")
+    seen = [mean(table, "ptae", mode, uses, "paper")[10] for mode in ("iterations", "samples")]
+    finding(0.8 < seen[0] / seen[1] < 1.2, *where, "both use a sentence equally often")
 
 
-def test_a_longer_training_helps_ptae_with_few_iterations_and_pgae_little(table):
-    where = LENGTH_PAGE, "Few iterations, trained longer"
-    long, short = (
-        {model: only(table, variant, DESCRIBE, model, "iterations") for model in ("ptae", "pgae")}
-        for variant in ("long", "paper")
-    )
-    ten = short["ptae"][10, 0]
-    finding(long["ptae"][2, 0] > ten, *where, "with 2 % more than a short training with 10 %")
-    finding(
-        short["ptae"][1, 0] + 5 < long["ptae"][1, 0] < ten - 5,
-        *where,
-        "with 1 % it was the length only in part",
-    )
-    seen = only(table, "long", "supervised_samples_seen", mode="iterations")
-    few = only(table, "paper", "supervised_samples_seen", mode="iterations")
-    finding(
-        0.7 < seen[1, 0] / few[10, 0] < 1, *where, "nearly as many labelled samples as with 10 %"
-    )
-    gain = {m: long[m] - short[m].reindex(long[m].index) for m in long}
-    finding(gain["pgae"].max() < gain["ptae"].min(), *where, "PGAE gains little from the length")
-    finding(gain["pgae"][2, 0] < 5, *where, "PGAE: with 2 % nothing to speak of")
-    claim = reported.BY_SHARE["pgae", DESCRIBE, "iterations"]
-    assert claim[1].value == 36 and claim[2].value == 50  # the text names both
-
-
-def test_a_longer_training_makes_better_motions_of_few_samples_and_no_sentences(table):
-    where = LENGTH_PAGE, "Few samples, trained longer"
-    for model, most in (("ptae", 8), ("pgae", 0)):
-        short, long = (only(table, v, model=model) for v in ("paper", "long"))
-        finding(long[1, 0] <= short[1, 0] < 15, *where, "seven clips are too few for either model")
-        finding(long[2, 0] - short[2, 0] < most, *where, "PTAE gains little and PGAE loses")
-    short, long = (
-        {(m, mode): only(table, v, EXECUTE, m, mode) for m in ("ptae", "pgae") for mode in SHARES}
-        for v in ("paper", "long")
-    )
-    for key, errors in long.items():
-        finding((errors < short[key].reindex(errors.index)).all(), *where, "every error falls")
-    few = long["pgae", "samples"] / short["pgae", "samples"]
-    finding((few.dropna() < 0.6).all(), *where, "PGAE's error falls to about half and less")
-    finding(
-        (long["pgae", "iterations"] > long["ptae", "iterations"]).all(),
-        *where,
-        "by iterations PGAE's error stays above PTAE's",
-    )
-    finding(
-        (long["pgae", "samples"] < long["ptae", "samples"]).all(),
-        *where,
-        "by samples PGAE's error falls below PTAE's",
-    )
-    for model in ("ptae", "pgae"):
-        regular = listed(table, model, column=EXECUTE)[100, 0]
-        finding(
-            (long[model, "iterations"] < regular).all(),
-            *where,
-            "long trainings with hardly any supervision execute better than regular ones",
-        )
-
-
-def test_choosing_labels_helps_no_learner_and_doubling_them_does(table):
+def test_choosing_labels_helps_no_learner_and_more_of_them_do(table):
     section = "Which clips to label?"
-    for model, chosen in (("linear", "covering"), ("ptae", "covering")):
-        drawn, own = listed(table, model), only(table, chosen, model=model)
-        for share in (1, 2, 5):
-            spread = drawn[share].max() - drawn[share].min()
-            finding(
-                own[share].mean() < drawn[share].mean() + spread / 4,
-                CHAPTER,
-                section,
-                f"choosing does not help {model} (at {share} %)",
-            )
-        for few, more in ((1, 2), (2, 5)):
-            finding(
-                drawn[more].mean() > 1.3 * own[few].mean(),
-                CHAPTER,
-                section,
-                f"more labels help {model} more than choosing them",
-            )
+    for model in ("linear", "ptae"):
+        drawn, own = listed(table, model), only(table, "covering", model=model)
+        spread = drawn[2].max() - drawn[2].min()
+        finding(
+            own[2].mean() < drawn[2].mean() + spread / 4,
+            CHAPTER,
+            section,
+            f"choosing does not help {model}",
+        )
+        finding(
+            drawn[5].mean() > 1.3 * own[2].mean(),
+            CHAPTER,
+            section,
+            f"more labels help {model} more than choosing them",
+        )
 
 
 def test_the_worst_list_of_thirty_three_beats_the_best_of_thirteen(table):
@@ -436,17 +330,16 @@ def test_a_sentence_beside_its_own_scene_teaches_colours(table):
         return (own - other).dropna()
 
     lost = change(DESCRIBE)
-    assert set(lost.index.get_level_values(0)) == {2, 10, 50}
+    assert set(lost.index.get_level_values(0)) == {10, 50}
     finding(
-        (lost[[10, 50]] > 0).all() and lost[10].mean() > lost[50].mean() > 2,
+        (lost[10] > 3).all() and lost[50].mean() < 1,
         CHAPTER,
         section,
-        "without the true frame PTAE describes fewer clips, with every list",
+        "without the true frame PTAE describes fewer clips, with a tenth of the labels",
     )
-    finding((lost[2] > 0).mean() > 0.5, CHAPTER, section, "with thirteen most lists say the same")
-    finding((change("colour_accuracy")[[10, 50]] > 0).all(), CHAPTER, section, "it loses colours")
-    same = [change(c)[[10, 50]].abs().max() for c in ("action_accuracy", "speed_accuracy")]
-    error = change(EXECUTE)[[10, 50]].abs() / only(table, "balanced", EXECUTE)
+    finding((change("colour_accuracy")[10] > 0).all(), CHAPTER, section, "it loses colours")
+    same = [change(c).abs().max() for c in ("action_accuracy", "speed_accuracy")]
+    error = change(EXECUTE).abs() / only(table, "balanced", EXECUTE)
     finding(
         max(same) < 5 and error.max() < 0.1,
         CHAPTER,
@@ -455,23 +348,15 @@ def test_a_sentence_beside_its_own_scene_teaches_colours(table):
     )
 
 
-def test_no_other_recipe_is_clearly_better_with_few_labels():
-    found = pd.read_csv(artefacts.stored("results/recipes.csv"))
-    found = found.pivot(index="choice", columns="seed", values=DESCRIBE)
-    assert set(found.index) == set(recipes.CHOICES) and found.notna().all(axis=None)
-    ahead = found - found.loc["regular"]
-    both = ahead[(ahead > 0).all(axis=1)]
+def test_held_out_patterns_choose_the_regular_recipe():
+    found = pd.read_csv(artefacts.stored("results/recipes.csv")).query("model == 'ptae'")
+    found = found.set_index(["share", "choice", "seed"])[EXECUTE].unstack("choice")
+    assert {"regular", "adam"} <= set(found) <= set(recipes.CHOICES)
     finding(
-        list(both.index) == ["long"] and both.min(axis=None) < 3,
-        LENGTH_PAGE,
-        "Another recipe?",
-        "twice the epochs alone is ahead with both seeds, by a few clips",
-    )
-    finding(
-        ahead.loc["once"].min() < 0 < ahead.loc["once"].max(),
-        LENGTH_PAGE,
-        "Another recipe?",
-        "showing each once helps with one seed and costs with the other",
+        (found["regular"] < 0.7 * found["adam"]).all(),
+        "in_depth/03_muon",
+        "How a recipe is chosen",
+        "about half the error on held-out patterns",
     )
 
 

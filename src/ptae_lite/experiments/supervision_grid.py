@@ -92,14 +92,14 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
             more(model, "samples", "balanced", seed, *SHARES["samples"])
             more(model, "iterations", "paper", seed, *SHARES["iterations"])
         more("pvae", "samples", "balanced", seed, 2, 10, 20, 50, 100)
-    for model in () if core else ("ptae", "pgae"):
-        for seed in seeds:
-            more(model, "iterations", "long", seed, 1, 2)
-            more(model, "samples", "covering", seed, 1, 2, 5)
-            more(model, "samples", "shuffled-scenes", seed, 2, 10, 50)
-            more(model, "samples", "paper", seed, *SHARES["samples"])
     for seed in () if core else seeds:
+        for model in ("ptae", "pgae"):
+            more(model, "samples", "paper", seed, *SHARES["samples"])
+        more("ptae", "samples", "covering", seed, 1, 2, 5)
+        more("ptae", "samples", "shuffled-scenes", seed, 2, 10, 50)
         more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
+    for model in () if core else ("ptae", "pgae"):
+        more(model, "iterations", "long", seeds[0], 1, 2)  # an hour of a core for each model
     return list(dict.fromkeys(map(_once, found)))
 
 

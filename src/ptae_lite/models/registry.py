@@ -38,7 +38,7 @@ MODELS = {
     "prae": ModelType(PVAE, PRAEConfig, Recipe(epochs=60, muon_decay=0.0)),
 }
 
-# The recipes with Adam alone, as changes to those of the list: those before Muon. Chapters 04 to
+# The recipes with Adam alone, as changes to those of the list: those before Muon. Chapters 05 and
 # 06 have trainings of them.
 ADAM: dict[str, dict] = {"ptae": {"muon_lr": 0.0, "muon_decay": 0.0, "warmup": 0.0}}
 ADAM["pgae"] = ADAM["pvae"] = ADAM["ptae"] | {"learning_rate": 3e-3, "action_lr_scale": 1.0}

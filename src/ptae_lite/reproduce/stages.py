@@ -106,10 +106,9 @@ STAGES = (
         "weights/ptae.safetensors": SCORES, "weights/ptae_adam.safetensors": SCORES},
         0, 27, lies={f"weights/{name}.safetensors": f"weights/{name}_seed0.safetensors"
                      for name in ("ptae", "ptae_adam")}),
-    Stage("recipes",  # both stored seeds: with 56 labels one training says little
-          "ptae_lite study recipes --workers 2 --variants regular once --seeds 0 1 "
-          "--out {out}/results",
-          {"results/recipes.csv": table(recipes.KEY, SCORED, 0.9)}, 6),
+    Stage("recipes", "ptae_lite study recipes --workers 2 --models ptae --variants regular "
+          "--seeds {seeds} --out {out}/results",
+          {"results/recipes.csv": table(recipes.KEY, SCORED, 0.9)}, 0, 3),
     Stage("conflicts and labels",  # PTAE's curves; the whole study of labels takes hours more
           "ptae_lite.reproduce.run_parallel "
           "ptae_lite study incongruence --workers 2 --weights {out}/weights --seeds {seeds} "
