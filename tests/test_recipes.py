@@ -67,6 +67,8 @@ def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
         search((0,), "guess")
     with pytest.raises(ConfigError, match="no model 'prae'; there are ptae; pgae; pvae"):
         recipes.grid(models=("prae",))
+    with pytest.raises(ConfigError, match="no training is of pgae, slow, 100 together"):
+        recipes.grid(models=("pgae",), choices=("slow",), shares=(100,))
 
 
 @pytest.mark.parametrize(("share", "labelled"), [(100.0, 552), (10.0, 56)])

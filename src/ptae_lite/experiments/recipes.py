@@ -16,6 +16,7 @@ import pandas as pd
 
 from ptae_lite.cli import data_options
 from ptae_lite.data.samples import Samples
+from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import family, options, supervision
 from ptae_lite.experiments.experiment import Experiment
 from ptae_lite.experiments.runner import Study, check_names, run
@@ -67,16 +68,20 @@ def grid(seeds=SEEDS, models=TRAINED, choices=tuple(CHOICES), shares=(ALL, TENTH
     """The rows to make, as values of the columns `KEY` after the first, seed by seed.
 
     Raises:
-        ConfigError: there is no such model or choice.
+        ConfigError: there is no such model or choice, or no training is of all that was asked.
     """
     check_names(models, TRAINED, "model")
     check_names(choices, CHOICES, "choice")
-    return [
+    found = [
         (model, float(share), choice, seed)
         for seed in seeds for model in models for choice in choices for share in shares
         if share in CHOICES[choice].shares
         and (model == "ptae" or (CHOICES[choice].others and share == ALL))
     ]  # fmt: skip
+    if not found:
+        asked = ", ".join(map(str, (*models, *choices, *shares)))
+        raise ConfigError(f"no training is of {asked} together; leave one of them out")
+    return found
 
 
 def recipe_of(model: str, choice: str) -> Recipe:
