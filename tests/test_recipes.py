@@ -12,7 +12,7 @@ from ptae_lite.data import batches
 from ptae_lite.errors import ConfigError
 from ptae_lite.experiments import recipes, runner, supervision
 from ptae_lite.experiments.experiment import Experiment, Labels
-from ptae_lite.models import ADAM, MODELS
+from ptae_lite.models import MODELS
 
 
 @pytest.fixture
@@ -39,8 +39,7 @@ def test_each_choice_changes_what_it_says_and_nothing_else(few):
         assert (found.model, found.split, found.seed) == (model, "fit", 4)
         assert found.labels == (Labels("random", 10) if share == 10 else Labels())
         regular = asdict(MODELS[model].recipe) | {"seed": 4}
-        changes = ADAM[model] if choice == "adam" else recipes.CHOICES[choice].changes
-        assert asdict(found.recipe) == regular | changes
+        assert asdict(found.recipe) == regular | recipes.CHOICES[choice].changes[model]
         assert (asdict(found.recipe) == regular) == (choice == "regular")
 
 

@@ -206,6 +206,8 @@ def test_ptae_degrades_less_than_its_ancestors(table):
         "PVAE describes everything with half, and with a fifth nearly as much as PTAE",
     )
     finding(abs(pvae[10] - pgae[10]) < 8, *where, "with a tenth it falls to PGAE's level")
+    seven = pd.DataFrame({m: listed(table, m)[1] for m in ("ptae", "pgae")})
+    assert (seven.max(axis=1) < CHANCE).any()  # a reason in the card
     lead = mean(table, "ptae") - mean(table, "pgae")
     finding(
         lead[100] < 4 < 10 < lead[20] and lead[2] < lead[20],
@@ -250,6 +252,7 @@ def test_execute_by_model(table):
     pgae, ptae, pvae = (mean(table, m, column=EXECUTE) for m in ("pgae", "ptae", "pvae"))
     finding(pgae[66.6] / pgae[100] < 1.15, *where, "no jump with two thirds of the samples")
     paper = reported.BY_SHARE["pgae", EXECUTE, "samples"][1].value
+    assert pgae[1] / paper == pytest.approx(0.2, abs=0.03)  # a reason in the card
     finding(ptae[1] < pgae[1] < paper / 3, *where, "with 1 % above PTAE, far below the paper's")
     rise = {m: e[2] / e[100] for m, e in (("ptae", ptae), ("pgae", pgae), ("pvae", pvae))}
     finding(

@@ -33,33 +33,33 @@ class Choice(NamedTuple):
 
     Args:
         says: what it changes, in words.
-        changes: the settings of PTAE's recipe that it changes.
-        shares: with which shares of labels it is tried.
-        others: whether the other models are trained with it as well.
+        changes: the settings of the recipe that it changes, by model; PTAE, or all.
+        shares: with which shares of labels PTAE is tried; the other models only with all.
     """
 
     says: str
-    changes: dict
+    changes: dict[str, dict]
     shares: tuple[float, ...] = (ALL, TENTH)
-    others: bool = False
 
 
+TRAINED = ("ptae", "pgae", "pvae")
 RATE, EPOCHS = Recipe().muon_lr, Recipe().epochs
 CHOICES = {
-    "regular": Choice("the regular recipe", {}, others=True),
-    "adam": Choice("Adam alone, with the rates that were best for it", ADAM["ptae"], others=True),
-    "no-decay": Choice("no weight decay", {"muon_decay": 0.0}),
-    "slow": Choice("half of Muon's learning rate", {"muon_lr": RATE / 2}, (ALL,)),
-    "fast": Choice("twice Muon's learning rate", {"muon_lr": RATE * 2}, (ALL,)),
-    "short": Choice("half the epochs", {"epochs": EPOCHS // 2}, (TENTH,)),
-    "long": Choice("twice the epochs", {"epochs": EPOCHS * 2}, (ALL,)),
-    "no-mixup": Choice("no mixup of clips", {"mixup": False}),
+    "regular": Choice("the regular recipe", dict.fromkeys(TRAINED, {})),
+    "adam": Choice("Adam alone, with the rates that were best for it", ADAM),
+    "no-decay": Choice("no weight decay", {"ptae": {"muon_decay": 0.0}}),
+    "slow": Choice("half of Muon's learning rate", {"ptae": {"muon_lr": RATE / 2}}, (ALL,)),
+    "fast": Choice("twice Muon's learning rate", {"ptae": {"muon_lr": RATE * 2}}, (ALL,)),
+    "short": Choice("half the epochs", {"ptae": {"epochs": EPOCHS // 2}}, (TENTH,)),
+    "long": Choice("twice the epochs", {"ptae": {"epochs": EPOCHS * 2}}, (ALL,)),
+    "no-mixup": Choice("no mixup of clips", {"ptae": {"mixup": False}}),
     "one-learning-rate": Choice(
-        "the action decoder no faster than the rest", {"action_lr_scale": 1.0}, (ALL,)
+        "the action decoder no faster than the rest", {"ptae": {"action_lr_scale": 1.0}}, (ALL,)
     ),
-    "once": Choice("each sample once an epoch, labelled or not", {"balanced": False}, (TENTH,)),
+    "once": Choice(
+        "each sample once an epoch, labelled or not", {"ptae": {"balanced": False}}, (TENTH,)
+    ),
 }
-TRAINED = ("ptae", "pgae", "pvae")
 SEEDS = (0, 1)  # of every choice; the regular recipes have five
 KEY = ["data", "model", "share", "choice", "seed"]
 
@@ -75,8 +75,8 @@ def grid(seeds=SEEDS, models=TRAINED, choices=tuple(CHOICES), shares=(ALL, TENTH
     found = [
         (model, float(share), choice, seed)
         for seed in seeds for model in models for choice in choices for share in shares
-        if share in CHOICES[choice].shares
-        and (model == "ptae" or (CHOICES[choice].others and share == ALL))
+        if model in CHOICES[choice].changes and share in CHOICES[choice].shares
+        and (model == "ptae" or share == ALL)
     ]  # fmt: skip
     if not found:
         asked = ", ".join(map(str, (*models, *choices, *shares)))
@@ -86,8 +86,7 @@ def grid(seeds=SEEDS, models=TRAINED, choices=tuple(CHOICES), shares=(ALL, TENTH
 
 def recipe_of(model: str, choice: str) -> Recipe:
     """The recipe of a row."""
-    changes = ADAM[model] if choice == "adam" else CHOICES[choice].changes
-    return replace(MODELS[model].recipe, **changes)
+    return replace(MODELS[model].recipe, **CHOICES[choice].changes[model])
 
 
 def job_of(model: str, share: float, seed: int) -> Job:

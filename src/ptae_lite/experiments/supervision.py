@@ -186,7 +186,7 @@ def add_options(parser: ArgumentParser) -> None:
     parser.add_argument("--shares", type=float, nargs="+", metavar="PERCENT",
                         help="which shares of labels")  # fmt: skip
     parser.add_argument("--core", action="store_true",
-                        help="only what the figures of chapter 04 need")  # fmt: skip
+                        help="only what the curves of chapter 04 need")  # fmt: skip
 
 
 def command(given) -> dict:

@@ -71,7 +71,7 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     """Every job of the study, in order.
 
     First comes the linear baseline, which takes no time, with all its draws. Then come, seed by
-    seed, the trainings that the figures need, then the variants.
+    seed, the trainings that the curves need, then the variants.
 
     Args:
         core: leave out the variants.
