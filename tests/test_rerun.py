@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,15 +71,17 @@ def test_every_stored_file_is_made_by_one_stage():
 def test_every_stage_is_a_command_that_exists():
     from ptae_lite.__main__ import parser
 
-    written = [one.arguments(out=Path("o"), seeds=range(2), device="cpu") for one in STAGES]
-    for words in written:
+    def written(seeds):
+        return [one.arguments(out=Path("o"), seeds=range(seeds), device="cpu") for one in STAGES]
+
+    for words in written(1) + written(2):
         own = words[1:] if words[0] == run_parallel.__name__ else words
         for module, *arguments in run_parallel.commands(own):
             if module == "ptae_lite":
                 assert vars(parser().parse_args(arguments))["run"]
             else:
                 __import__(module)
-    labels = next(words for words in written if "supervision" in words)
+    labels = next(words for words in written(2) if "supervision" in words)
     assert " ".join(labels).count("--seeds 0 1 ") == 2  # of both its commands
 
 
@@ -255,6 +258,24 @@ def test_without_a_simulator_its_files_are_taken_and_called_so(tiny, settings, c
     assert "not re-made  results/one.csv: needs PyBullet, so it was taken" in out
     assert "not re-made  results/new.csv: needs PyBullet, and nothing is stored to take" in out
     assert (settings.out / "results/times_made.txt").read_text() == "two.csv\n"
+
+
+def test_with_one_seed_nothing_is_compared_that_needs_several(tiny, settings, capsys):
+    stages = (stage("one", least_seeds=2), stage("two"))
+    again = Rerun(settings, stages)
+    again.go(io.StringIO())
+    assert report.write(again) == 0
+    assert "results/one.csv: compares variants, which takes 2 seeds, so" in capsys.readouterr().out
+    assert (settings.out / "results/times_made.txt").read_text() == "two.csv\n"
+    more = Rerun(replace(settings, seeds=2), stages)
+    assert [state for _, state in more.plan()] == ["to do", "done"]
+
+
+def test_words_in_brackets_are_for_one_seed():
+    short = Stage("a", "study [--few things] --seeds {seeds}", minutes=9, minutes_of_one=4)
+    words = [" ".join(short.arguments(seeds=range(n))) for n in (1, 2)]
+    assert words == ["study --few things --seeds 0", "study --seeds 0 1"]
+    assert [short.estimate(n) for n in (1, 2)] == [4, 9]
 
 
 def test_a_folder_of_something_else_is_refused_and_left_alone(settings):

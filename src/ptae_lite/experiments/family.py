@@ -53,6 +53,7 @@ VARIANTS = {
     "PTAE, no mixup": Variant("ptae", recipe={"mixup": False}),
     "PRAE": Variant("prae"),
 } | {f"{name.upper()}, Adam": Variant(name, recipe=ADAM[name]) for name in ADAM}
+CORE = ("PTAE", "PGAE", "PVAE", "PTAE, Adam")  # the models that chapters 03 to 07 ask
 CHOICES = tuple(name for name in VARIANTS if not name.endswith("Adam"))  # all have Muon
 # Sentences of the paper, and the two variants that each compares. Of the first two sentences, the
 # first variant is the one that the paper calls better.
@@ -200,7 +201,10 @@ def add_options(parser: ArgumentParser) -> None:
     options.trainings(parser)
     options.weights(parser)
     every = tuple(VARIANTS)
-    parser.add_argument("--variants", nargs="+", metavar="NAME", default=every, help="which")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--variants", nargs="+", metavar="NAME", default=every, help="which")
+    which.add_argument("--core", dest="variants", action="store_const", const=CORE,
+                       help="only the models that the chapters ask")  # fmt: skip
 
 
 def command(given) -> dict:

@@ -39,9 +39,9 @@ def rows(rerun: Rerun) -> list[Row]:
             elif name not in there:
                 made_now = entry["command"] != rerun.taken
                 row = (NEW, "nothing is stored to compare it with") if made_now else (
-                    TAKEN, "needs PyBullet, and nothing is stored to take")  # fmt: skip
+                    TAKEN, f"{rerun.left_out(stage)}, and nothing is stored to take")  # fmt: skip
             elif entry["command"] == rerun.taken:
-                row = (TAKEN, "needs PyBullet, so it was taken from data/")
+                row = (TAKEN, f"{rerun.left_out(stage)}, so it was taken from data/")
             else:
                 folder = rerun.settings.out if check.key else made
                 verdict = checks.judge(name, check, folder, stored)

@@ -110,7 +110,8 @@ class Rerun:
     def finished(self, stage: Stage) -> bool:
         """Whether a stage's command has ended and its files are unchanged."""
         entry = self.state["done"].get(stage.name)
-        if entry is None or entry["command"] not in (self.settings.written(stage), TAKEN):
+        wanted = TAKEN if self.left_out(stage) else self.settings.written(stage)
+        if entry is None or entry["command"] != wanted:
             return False
         wanted = entry["files"] if entry["command"] == TAKEN else self._files(stage)
         try:
@@ -129,12 +130,17 @@ class Rerun:
     def plan(self) -> list[tuple[Stage, str]]:
         """Each stage, and whether it is done, to do, or taken from data/."""
         return [
-            (stage, "done" if self.finished(stage) else TAKEN if self._lacks(stage) else "to do")
+            (stage, "done" if self.finished(stage) else TAKEN if self.left_out(stage) else "to do")
             for stage in self.stages
         ]
 
-    def _lacks(self, stage: Stage) -> bool:
-        return stage.simulator and not self.simulator
+    def left_out(self, stage: Stage) -> str:
+        """Why a stage's files are the stored ones; empty if it is done."""
+        if stage.simulator and not self.simulator:
+            return "needs PyBullet"
+        if self.settings.seeds < stage.least_seeds:
+            return f"compares variants, which takes {stage.least_seeds} seeds"
+        return ""
 
     def go(self, stream=None) -> Stage | None:
         """Do all stages that are not finished; returns the stage that failed, or None."""
@@ -142,14 +148,14 @@ class Rerun:
         done = [i for i, stage in enumerate(self.stages) if self.finished(stage)]
         spent = {i: self.state["done"][self.stages[i].name]["minutes"] for i in done}
         estimates = [
-            0.0 if self._lacks(stage) else stage.estimate(self.settings.seeds)
+            0.0 if self.left_out(stage) else stage.estimate(self.settings.seeds)
             for stage in self.stages
         ]
         view = View([stage.name for stage in self.stages], estimates, spent, stream)
         for at, stage in enumerate(self.stages):
             if at in done and self.finished(stage):
                 continue
-            if self._lacks(stage):
+            if self.left_out(stage):
                 self._take(stage)
                 continue
             view.begin(at)
@@ -211,7 +217,7 @@ class Rerun:
         self._finish(stage, command, minutes, self._files(stage))
 
     def _take(self, stage: Stage) -> None:
-        """Without a simulator: copy the stage's files from the stored ones, marked as taken."""
+        """Copy the files of a stage that is left out from the stored ones, marked as taken."""
         there = artefacts.manifest(self.settings.stored)
         taken = [name for name in stage.makes if name in there]
         for name in taken:

@@ -6,6 +6,7 @@ with the one in `data/`.
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple
 
 from ptae_lite.experiments import (
@@ -40,11 +41,14 @@ class Stage(NamedTuple):
     """One command of a re-run.
 
     Args:
-        command: the words after `python -m`; {out}, {seeds} and {device} are filled in.
+        command: the words after `python -m`; {out}, {seeds} and {device} are filled in. Words in
+            [brackets] are for a run with one seed only, which cannot compare variants.
         makes: files in the run's folder, with the same names as in `data/`, and how each is
             compared.
         minutes: its time on two free cores.
         seed_minutes: further minutes for each seed.
+        minutes_of_one: its time with one seed, if a shorter command is run then.
+        least_seeds: with fewer it has nothing to compare, and is left out.
         simulator: it needs PyBullet, or images that only a recording has.
         leaves: files in the run's folder that are not stored.
         lies: where the command leaves a file (not a table) that has another name in `data/`.
@@ -55,18 +59,22 @@ class Stage(NamedTuple):
     makes: dict[str, Check] = {}
     minutes: float = 1.0
     seed_minutes: float = 0.0
+    minutes_of_one: float | None = None
+    least_seeds: int = 1
     simulator: bool = False
     leaves: tuple[str, ...] = ()
     lies: dict[str, str] = {}
 
     def estimate(self, seeds: int) -> float:
         """Minutes that it takes with `seeds` seeds."""
+        if seeds == 1 and self.minutes_of_one is not None:
+            return self.minutes_of_one
         return self.minutes + self.seed_minutes * seeds
 
     def arguments(self, **values) -> list[str]:
         """The words of the command. `seeds` is a list; each of its items is a word."""
-        words = []
-        for word in self.command.split():
+        words, kept = [], r"\1" if len(values["seeds"]) == 1 else ""
+        for word in re.sub(r"\[(.*?)\]", kept, self.command).split():
             fill = values["seeds"] if word == "{seeds}" else [word.format(**values)]
             words += [str(one) for one in fill]
         return words
@@ -98,28 +106,29 @@ STAGES = (
     Stage("encoders in use", "ptae_lite study encoders-in-use --workers 2 "
           "--encoders {out}/encoders --seeds {seeds} --out {out}/results",
           {"results/encoders_in_use.csv": table(encoders_in_use.KEY, SCORED, 0.9)},
-          0, 11, simulator=True),
-    Stage("family", "ptae_lite study family --workers 2 --weights {out}/weights --seeds {seeds} "
-          "--out {out}/results", {  # the stages below use its PTAE
+          0, 11, least_seeds=3, simulator=True),
+    Stage("family", "ptae_lite study family [--core] --workers 2 "
+          "--weights {out}/weights --seeds {seeds} --out {out}/results", {
         "results/family.csv": table(family.KEY, SCORED, 0.9),
         "results/family_curves.csv": table([*family.KEY, "epoch"], {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES, "weights/ptae_adam.safetensors": SCORES},
-        0, 27, lies={f"weights/{name}.safetensors": f"weights/{name}_seed0.safetensors"
-                     for name in ("ptae", "ptae_adam")}),
+        0, 27, minutes_of_one=7,
+        lies={f"weights/{name}.safetensors": f"weights/{name}_seed0.safetensors"
+              for name in ("ptae", "ptae_adam")}),
     Stage("recipes", "ptae_lite study recipes --workers 2 --models ptae --variants regular "
           "--seeds {seeds} --out {out}/results",
           {"results/recipes.csv": table(recipes.KEY, SCORED, 0.9)}, 0, 3),
     Stage("conflicts and labels",  # PTAE's curves; the whole study of labels takes hours more
           "ptae_lite.reproduce.run_parallel "
-          "ptae_lite study incongruence --workers 2 --weights {out}/weights --seeds {seeds} "
-          "--out {out}/results + "
-          "ptae_lite study supervision --core --models linear ptae --workers 2 "
-          "--weights {out}/weights --seeds {seeds} --out {out}/results", {
+          "ptae_lite study incongruence [--models ptae ptae_adam] --workers 2 "
+          "--weights {out}/weights --seeds {seeds} --out {out}/results + "
+          "ptae_lite study supervision --core --models linear ptae [--modes samples] "
+          "--workers 2 --weights {out}/weights --seeds {seeds} --out {out}/results", {
         "results/incongruence.csv": table(incongruence_table.KEY, SCORED, 0.8),
         "results/supervision.csv": table(supervision.KEY, SCORED, 0.9),
         "results/supervision_sentences.csv": table([*supervision.KEY, "sample"], ANSWERS, 0.7),
         "weights/ptae_labelled_5_seed0.safetensors": scores(10, 1.5),  # 33 labels say little
-        "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 37),
+        "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 37, minutes_of_one=14),
     Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
           "--out {out}/results", {
         "results/incongruence_examples.csv": texts(conflict_examples.KEY, "answer", 0.6),
@@ -141,7 +150,7 @@ STAGES = (
           "ptae_lite corrections --without added-noise --workers 1 --count 648 "
           "--out {out}/corrections_no_noise + "
           "ptae_lite corrections --without disturbances --workers 1 --count 648 "
-          "--out {out}/corrections_no_disturbances", {}, 9, simulator=True,
+          "--out {out}/corrections_no_disturbances", {}, 9, least_seeds=3, simulator=True,
           leaves=("corrections_no_noise/clips.npz", "corrections_no_disturbances/clips.npz")),
     Stage("disturbances", "ptae_lite study disturbances --splits test --workers 2 "
           "--out {out}/results", {
@@ -154,7 +163,7 @@ STAGES = (
     Stage("controls of open eyes", "ptae_lite study watching --split held_out --workers 2 "
           "--seeds 0 --conditions moved --clips {out}/corrections --weights {out}/weights "
           "--models watching one_look_policy frozen recorded_only eighth blind_on_clips "
-          "moves_only noise_only --out {out}/results", {}, 28, simulator=True,
+          "moves_only noise_only --out {out}/results", {}, 28, least_seeds=3, simulator=True,
           leaves=("weights/watching_recorded_only_fit_seed0.safetensors",)),
     Stage("open eyes", "ptae_lite study watching --split test --workers 2 --seeds {seeds} "
           "--models watching one_look_policy planner unaware "
