@@ -4,6 +4,7 @@ Numbers in the text come from the tables by themselves. Here are the findings: o
 Each test names the sentence that must change if new results turn its finding round.
 """
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -11,12 +12,16 @@ from ptae_lite import artefacts
 from ptae_lite.baselines import references
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
-from ptae_lite.evaluation import CHANCE
+from ptae_lite.data.signals import Source
+from ptae_lite.evaluation import CHANCE, correct, respond, word_accuracy
 from ptae_lite.experiments import recipes
 from ptae_lite.experiments.supervision_grid import SHARES
-from ptae_lite.models import MODELS
+from ptae_lite.language import COLOURS, patterns
+from ptae_lite.models import MODELS, checkpoint
 from ptae_lite.paper import reported
 from ptae_lite.plots import supervision as supervision_plots
+from ptae_lite.training import label
+from ptae_lite.vision import probes
 
 WORDS = ["action_accuracy", "colour_accuracy", "speed_accuracy"]
 DESCRIBE, EXECUTE = "describe_accuracy", "execute_nrmse"
@@ -174,7 +179,16 @@ def test_from_the_same_few_labels_weighted_sums_describe_more(table):
         "with thirteen labels and fewer neither learner is much use",
     )
     finding(
-        (ahead["pgae"][[5, 10, 20]] < 0).all(), CHAPTER, where, "Figure 4.8: PGAE is behind both"
+        (ahead["ptae"][[1, 2]] > 0).mean() > 0.6,
+        CHAPTER,
+        where,
+        "with thirteen labels and fewer PTAE leads again, on most lists",
+    )
+    finding(
+        (ahead["pgae"][[5, 10, 20]].groupby("share").mean() < 0).all(),
+        CHAPTER,
+        where,
+        "Figure 4.8: PGAE is behind both",
     )
 
 
@@ -247,6 +261,25 @@ def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
     )
 
 
+def test_with_few_labels_the_code_holds_colours_that_are_not_said():
+    samples = load_samples("recording")
+    train, test = samples.split("train"), samples.split("test")
+    colour = np.array([COLOURS.index(patterns()[i].target_colour) for i in samples.pattern])
+    trained = checkpoint.load(artefacts.stored("weights/ptae_labelled_5_seed0.safetensors"))
+    answers = {
+        name: respond(trained, Source(trained.dataset(samples)), clips, "describe")
+        for name, clips in {"train": train, "test": test}.items()
+    }
+    own = np.isin(train, label(train, 5, seed=0))
+    right = correct(answers["train"], samples, train)
+    where = MODELS_PAGE, "Why the colour is lost"
+    finding(right[own].all() and right[~own].mean() < 0.6, *where, "labelled clips are by heart")
+    probe = probes.fit_classifier(answers["train"].code.numpy(), colour[train])
+    found = np.mean(probe.labels(answers["test"].code.numpy()) == colour[test])
+    said = word_accuracy(answers["test"], samples, test)["colour_accuracy"] / 100
+    finding(found > said + 0.15, *where, "the probe reads more colours from the code than are said")
+
+
 def test_execute_by_model(table):
     where = MODELS_PAGE, "And execute?"
     pgae, ptae, pvae = (mean(table, m, column=EXECUTE) for m in ("pgae", "ptae", "pvae"))
@@ -287,10 +320,12 @@ def test_the_number_of_labels_decides_and_not_how_often_they_are_shown(table):
     )
     often = mean(table, "ptae", variant="balanced")[10]
     finding(few > max(once, often) + 5, *where, "every clip seldom describes more")
-    pairs = [
-        listed(table, "ptae", variant=variant)[10].sort_index() for variant in ("paper", "balanced")
-    ]
-    finding((pairs[0] > pairs[1]).all(), *where, "showing the few clips more often does not help")
+    better = only(table, "paper")[10] - only(table, "balanced")[10]
+    finding(
+        better.mean() > 0 and better.min() > -2,
+        *where,
+        "showing the few clips more often does not help",
+    )
     seen = [mean(table, "ptae", mode, uses, "paper")[10] for mode in ("iterations", "samples")]
     finding(0.8 < seen[0] / seen[1] < 1.2, *where, "both use a sentence equally often")
 
@@ -353,6 +388,7 @@ def test_a_sentence_beside_its_own_scene_teaches_colours(table):
 
 def test_held_out_patterns_choose_the_regular_recipe():
     found = pd.read_csv(artefacts.stored("results/recipes.csv")).query("model == 'ptae'")
+    found = found[(found["data"] == "recording") & found["seed"].isin(recipes.SEEDS)]
     found = found.set_index(["share", "choice", "seed"])[EXECUTE].unstack("choice")
     assert {"regular", "adam"} <= set(found) <= set(recipes.CHOICES)
     finding(
@@ -372,6 +408,18 @@ def test_sentences_are_stored_for_every_training(table):
     assert (said.groupby(key).size() == 6).all()
 
 
+def test_found_labels_help_ptae_as_much_as_the_linear_baseline(table):
+    where = "in_depth/04_pseudo_labels", "And PTAE?"
+    found, alone = (only(table, v)[10] for v in ("pseudo-labels", "balanced"))
+    sums = only(table, "pseudo-labels", model="linear")[10]
+    gained = (found - alone).dropna()
+    assert len(gained) >= 2
+    finding((gained > 10).all(), *where, "found sentences help PTAE with each list")
+    finding(
+        abs((found - sums).dropna().mean()) < 3, *where, "no more and no less than the baseline"
+    )
+
+
 @pytest.mark.parametrize("data", ["recording", "authors"])
 def test_found_labels_help_the_linear_baseline(data):
     """As the page on labels that spread says, on both data sets."""
@@ -386,3 +434,24 @@ def test_found_labels_help_the_linear_baseline(data):
     assert found[10] > paper > plain[10]
     assert (found[[20, 50, 66.6]] > plain[100] - 3).all()  # "about as good as with all of them"
     assert (own[own["share"] < 100].groupby(["variant", "share"]).size() == 20).all()
+
+
+def test_the_side_can_be_found_without_labels():
+    samples = load_samples("recording")
+    train = samples.split("train")
+    last = (samples.frames - 1)[train]
+    moments = [np.round(part * last).astype(int) for part in (0, 0.25, 0.5, 0.75, 1)]
+    motion = np.column_stack([samples.joints[train, moment] for moment in moments])
+    z = (motion - motion.mean(0)) / motion.std(0)
+    first = ((z - z[0]) ** 2).sum(1)
+    centres = z[[0, first.argmax()]]  # two motions that differ most
+    for _ in range(20):  # k-means
+        cluster = ((z[:, None] - centres) ** 2).sum(2).argmin(1)
+        centres = np.stack([z[cluster == k].mean(0) for k in (0, 1)])
+    left = np.array([patterns()[i].side == "left" for i in samples.pattern[train]])
+    finding(
+        len(set(zip(cluster.tolist(), left.tolist(), strict=True))) == 2,
+        CHAPTER,
+        "What do the labels alone say?",
+        "motions fall into clusters by side without any label",
+    )

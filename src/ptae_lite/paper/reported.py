@@ -93,5 +93,6 @@ CONFLICTS = {
 
 # Steps of the published training, and the seconds of a step: measured with the published classes on
 # one thread of this book's test machine. A step calls the layers 99 times, once a frame.
-STEPS = {"ptae": 270_000, "pgae": 648_000}  # batches of 6
+STEPS = {"ptae": 270_000, "pgae": 648_000}
+BATCH = 6  # of every model
 SECONDS_A_STEP = {"ptae": 0.14, "pgae": 0.25}

@@ -47,6 +47,7 @@ def strips(
             axes.axvline(chance, color=style.GREY, ls=":", lw=1.2)
             axes.text(chance, len(rows) - 0.52, " chance", color=style.GREY, va="bottom")
         axes.set(title=title, xlim=(-0.02 * highest, 1.35 * highest))
+        axes.set_xticks([tick for tick in axes.get_xticks() if 0 <= tick <= 100])  # percent
         axes.set_yticks(range(len(rows)), rows)
         axes.set_ylim(len(rows) - 0.5, -0.5)
         axes.tick_params(axis="y", length=0)
