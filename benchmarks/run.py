@@ -250,7 +250,7 @@ THREADS = {"cae": 2, "features": 2}
 THREADS |= dict.fromkeys(("cae_step", "steps", "describing", "ptae", "elders"), 1)
 
 
-def store(rows: list[Row], machine: dict, names: list[str], minutes: float) -> None:
+def store(rows: list[Row], machine: dict, given: list[str], minutes: float) -> None:
     """Write the rows to data/results/benchmarks.csv, with machine, load and date."""
     import pandas as pd
 
@@ -259,7 +259,7 @@ def store(rows: list[Row], machine: dict, names: list[str], minutes: float) -> N
     table = pd.DataFrame([asdict(row) | {"holds": row.holds} for row in rows])
     table = table.assign(**machine, processor=processor(), date=str(date.today()))
     table.round(3).to_csv(artefacts.data_folder() / NAME, index=False, lineterminator="\n")
-    command = " ".join(["python benchmarks/run.py", *names, "--store"])
+    command = " ".join(["python benchmarks/run.py", *given, "--store"])
     artefacts.register(NAME, command=command, seed=None, minutes=minutes)
 
 
@@ -278,6 +278,7 @@ def main(arguments=None) -> int:
     parser.add_argument("--json", action="store_true", help="print JSON, not a table")
     parser.add_argument("--data", default=ROOT / "build" / "recording",
                         help="recording for memory, or for cae, features with --full")  # fmt: skip
+    parser.add_argument("--authors", metavar="FOLDER", help="the authors' data, for describing")
     parser.add_argument("--store", action="store_true",
                         help="write the rows to data/results/benchmarks.csv")  # fmt: skip
     options = parser.parse_args(arguments)
@@ -296,7 +297,8 @@ def main(arguments=None) -> int:
             torch.set_num_threads(THREADS[name])
         rows += JOBS[name](options)
     if options.store:
-        store(rows, machine, options.names, (time.perf_counter() - begun) / 60)
+        given = [*options.names, *(["--authors", "FOLDER"] if options.authors else [])]
+        store(rows, machine, given, (time.perf_counter() - begun) / 60)
     if options.json:
         rows = [asdict(row) | {"holds": row.holds} for row in rows]
         print(json.dumps({"machine": machine, "rows": rows}))

@@ -52,7 +52,8 @@ def card(rows: pd.DataFrame, run: bool = False) -> Figure:
     )  # fmt: skip
     for axis, (kind, part), height in zip(axes[:, 0], parts.items(), heights, strict=True):
         texts, places, _ = laid[kind]
-        largest = part[["high", "high_theirs", "paper"]].max(axis=None)
+        green = part["paper"] + part["margin"]  # where errors may end
+        largest = max(part[["high", "high_theirs"]].max(axis=None), green.max())
         top = 1.08 * largest if kind == "% NRMSE" else 100
         axis.set(title=TITLES[kind], ylim=(height, -0.6), yticks=[])
         axis.set_xlim(-0.03 * top, 1.03 * top)
