@@ -184,7 +184,9 @@ def _data_sets(rows: pd.DataFrame) -> list[Line2D]:
 
 def _legend(rows: pd.DataFrame, run: bool) -> list:
     """What is there: verdicts, and for claims with a number the parts of their axis."""
-    handles: list = _verdicts(rows) + _data_sets(rows)
+    empty = rows["median_theirs"].isna()  # these have no mark
+    shown = rows.assign(verdict_theirs=rows["verdict_theirs"].mask(empty, rows["verdict"]))
+    handles: list = _verdicts(shown) + _data_sets(rows)
     if rows["paper"].notna().any():
         handles.append(Line2D([], [], color="black", lw=2, ls="", marker="|", ms=9, mew=2,
                               label="the paper's number"))  # fmt: skip
