@@ -117,7 +117,7 @@ STAGES = (
               for name in ("ptae", "ptae_adam")}),
     Stage("recipes", "ptae_lite study recipes --workers 2 --models ptae --variants regular "
           "--seeds {seeds} --out {out}/results",
-          {"results/recipes.csv": table(recipes.KEY, SCORED, 0.9)}, 0, 3),
+          {"results/recipes.csv": table(recipes.KEY, SCORED, 0.9)}, 0, 3, least_seeds=2),
     Stage("conflicts and labels",  # PTAE's curves; the whole study of labels takes hours more
           "ptae_lite.reproduce.run_parallel "
           "ptae_lite study incongruence [--models ptae ptae_adam] --workers 2 "
@@ -134,15 +134,16 @@ STAGES = (
         "results/incongruence_examples.csv": texts(conflict_examples.KEY, "answer", 0.6),
         "results/incongruence_examples.npz": arrays({"joints": 0.05, "strips": 4}, 0.9)},
         simulator=True),
-    Stage("closed loop", "ptae_lite study closed-loop --workers 2 --weights {out}/weights "
-          "--seeds {seeds} --out {out}/results", {
+    Stage("closed loop", "ptae_lite study closed-loop [--models ptae one_look_policy] "
+          "--workers 2 --weights {out}/weights --seeds {seeds} --out {out}/results", {
         "results/closed_loop.csv": table(
             [*closed_loop.KEY, "pattern", "variation"], {"^success$": (0, 0)}, 0.7),
         "results/closed_loop_models.csv": table(closed_loop.SCORES.key, SCORED, 0.8),
         "results/closed_loop_episodes.npz": episodes(0.7),
         "results/closed_loop_ptae_episodes.npz": episodes(0.7),
         "results/closed_loop_strips.npz": STRIPS,
-        "weights/one_look_policy_seed0.safetensors": SCORES}, 2, 20, simulator=True),
+        "weights/one_look_policy_seed0.safetensors": SCORES},
+        2, 20, minutes_of_one=8, simulator=True),
     Stage("corrections",
           "ptae_lite corrections --workers 2 --out {out}/corrections", {}, 9, simulator=True,
           leaves=("corrections/clips.npz",)),
