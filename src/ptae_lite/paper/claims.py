@@ -121,7 +121,7 @@ CLAIMS = [
             chapter=DEPTH,
             heading=CHOICES,
             caveat=caveat,
-            remark="By one clip of 216 only, which PTAE misses with every seed, and this one never.",
+            remark="By one clip of 216 only: PTAE misses it with every seed, this one never.",
         )
         for claim, says, caveat in (
             ("repeat both does not help PTAE", "Repeat both does not help PTAE", ""),
