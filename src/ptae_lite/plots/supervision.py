@@ -62,9 +62,7 @@ def by_samples_seen(table: pd.DataFrame) -> Figure:
     The numbers are shares in percent, where there is room for them. Only variants in which the
     number of labels, or of their uses, is all that differs are shown.
     """
-    mine = table[
-        (table["model"] == "ptae") & table["variant"].isin(["balanced", "paper", "long"])
-    ]
+    mine = table[(table["model"] == "ptae") & table["variant"].isin(["balanced", "paper", "long"])]
     regular = mine["share"] == mine["mode"].map(REGULAR)
     kind = (mine["mode"] + ", " + mine["variant"]).mask(regular, "all labels")
     figure, axis = plt.subplots(figsize=(style.WIDTH, 4.6))
