@@ -250,17 +250,22 @@ THREADS = {"cae": 2, "features": 2}
 THREADS |= dict.fromkeys(("cae_step", "steps", "describing", "ptae", "elders"), 1)
 
 
-def store(rows: list[Row], machine: dict, given: list[str], minutes: float) -> None:
+def store(rows: list[Row], machine: dict, options, minutes: float) -> None:
     """Write the rows to data/results/benchmarks.csv, with machine, load and date."""
     import pandas as pd
 
     from ptae_lite import artefacts
+    from ptae_lite.data.samples import load_samples
 
     table = pd.DataFrame([asdict(row) | {"holds": row.holds} for row in rows])
     table = table.assign(**machine, processor=processor(), date=str(date.today()))
     table.round(3).to_csv(artefacts.data_folder() / NAME, index=False, lineterminator="\n")
-    command = " ".join(["python benchmarks/run.py", *given, "--store"])
-    artefacts.register(NAME, command=command, seed=None, minutes=minutes)
+    words, inputs = ["python benchmarks/run.py", *options.names], None
+    if options.authors:
+        words.append("--authors FOLDER")
+        inputs = {"authors": load_samples(options.authors).fingerprint.split()[-1]}
+    command = " ".join([*words, "--store"])
+    artefacts.register(NAME, command=command, seed=None, minutes=minutes, inputs=inputs)
 
 
 def processor() -> str:
@@ -297,8 +302,7 @@ def main(arguments=None) -> int:
             torch.set_num_threads(THREADS[name])
         rows += JOBS[name](options)
     if options.store:
-        given = [*options.names, *(["--authors", "FOLDER"] if options.authors else [])]
-        store(rows, machine, given, (time.perf_counter() - begun) / 60)
+        store(rows, machine, options, (time.perf_counter() - begun) / 60)
     if options.json:
         rows = [asdict(row) | {"holds": row.holds} for row in rows]
         print(json.dumps({"machine": machine, "rows": rows}))

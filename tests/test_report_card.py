@@ -262,7 +262,8 @@ def test_most_claims_in_words_hold_and_fewer_than_half_of_the_numbers(rows):
     sizes = judged["paper"].notna()
     assert held[~sizes].mean() > 0.5 > held[sizes].mean()
     by_group = held.groupby(judged["group"]).mean()
-    assert by_group["The model"] > 0.6 > 0.55 > by_group[["Few labels", "Conflict"]].max()
+    assert by_group["The model"] > 0.6 and 0.45 < by_group["Few labels"] < 0.55
+    assert by_group["Conflict"] < 0.4
 
 
 def test_what_the_chapter_says_of_the_groups(rows):
@@ -338,6 +339,16 @@ def test_the_reasons_beside_the_verdicts_are_true(rows):
     gap = [claim_metrics.more_harm("execute", "repeat action", name)(found[0])
            for name in ("ptae_two_way", "ptae_adam")]  # fmt: skip
     assert (1 - gap[0] / gap[1]).between(1 / 3, 0.55).all()
+    plain = claim_metrics.more_harm("execute", "repeat action")(found[0])
+    assert plain.max() < gap[0].min()  # the training takes more of the gap than two ways
+    lost = claim_metrics.under("repeat language", 3)(found[0])
+    assert (lost < 50).sum() == 2
+    fifth = by_claim.loc["PTAE, describe with 20 % of the samples"]
+    assert fifth["paper"] - fifth["median"] == pytest.approx(8, abs=0.5)
+    tenth = found[0].supervision.query("model == 'ptae' and mode == 'samples' and share == 10")
+    tenth = tenth.groupby("variant")["describe_accuracy"].median()
+    assert tenth["paper"] - tenth["balanced"] == pytest.approx(3, abs=0.5)
+    assert tenth["pseudo-labels"] > 90
     repeats = report_card.stored().family.set_index("variant")["repeat_language_accuracy"]
     assert repeats["PTAE"].min() == repeats["PTAE, action as query"].min() == 100
     pgae = by_claim.loc["PGAE, execute with 100 % of the samples"]

@@ -110,10 +110,10 @@ class Rerun:
     def finished(self, stage: Stage) -> bool:
         """Whether a stage's command has ended and its files are unchanged."""
         entry = self.state["done"].get(stage.name)
-        wanted = TAKEN if self.left_out(stage) else self.settings.written(stage)
-        if entry is None or entry["command"] != wanted:
+        command = TAKEN if self.left_out(stage) else self.settings.written(stage)
+        if entry is None or entry["command"] != command:
             return False
-        wanted = entry["files"] if entry["command"] == TAKEN else self._files(stage)
+        wanted = entry["files"] if command == TAKEN else self._files(stage)
         try:
             return entry["files"] == self._hashes(wanted)
         except OSError:
