@@ -34,11 +34,15 @@ def asked(monkeypatch, trained):
 
 
 def test_each_choice_changes_what_it_says_and_nothing_else(few):
-    for model, share, choice, seed in recipes.grid((4,)):
-        found = recipes.experiment_of(few, "recording", model, share, choice, seed)
+    for model, mode, share, choice, seed in recipes.grid((4,)):
+        found = recipes.experiment_of(few, "recording", model, mode, share, choice, seed)
         assert (found.model, found.split, found.seed) == (model, "fit", 4)
-        assert found.labels == (Labels("random", 10) if share == 10 else Labels())
         regular = asdict(MODELS[model].recipe) | {"seed": 4}
+        if mode == "iterations":
+            assert found.labels == Labels("few updates")
+            regular |= {"balanced": False, "supervised": share / 100, "muon_decay": 0.0}
+        else:
+            assert found.labels == (Labels("random", 10) if share == 10 else Labels())
         assert asdict(found.recipe) == regular | recipes.CHOICES[choice].changes[model]
         assert (asdict(found.recipe) == regular) == (choice == "regular")
 
@@ -49,9 +53,12 @@ def test_no_two_rows_are_the_same_training(samples):
     assert {one.model for one in rows} == {"ptae", "pgae", "pvae"}
 
 
-def test_only_ptae_is_trained_with_a_tenth_of_the_labels():
-    assert {model for model, share, *_ in recipes.grid() if share == 10} == {"ptae"}
-    assert recipes.grid((2,), ("pgae",), ("regular",)) == [("pgae", 100.0, "regular", 2)]
+def test_which_models_are_tried_with_few_labels():
+    rows = recipes.grid((2,))
+    assert {row[0] for row in rows if row[1:3] == ("samples", 10)} == {"ptae"}
+    assert {row[0] for row in rows if row[1] == "iterations"} == {"ptae", "pgae"}
+    assert recipes.grid((2,), ("pgae",), ("regular",), modes=("samples",)) == [
+        ("pgae", "samples", 100.0, "regular", 2)]  # fmt: skip
 
 
 def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
@@ -62,12 +69,14 @@ def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
     table = search((0, 1), "regular", "fast")
     assert [one.seed for one in asked] == [1, 1, 0, 0, 1] and len(table) == 5
     assert not table.duplicated(recipes.KEY).any()
-    with pytest.raises(ConfigError, match="no choice 'guess'; there are regular; adam; no-decay"):
+    with pytest.raises(
+        ConfigError, match="no choice 'guess'; there are regular; decay; adam; no-decay"
+    ):
         search((0,), "guess")
     with pytest.raises(ConfigError, match="no model 'prae'; there are ptae; pgae; pvae"):
         recipes.grid(models=("prae",))
-    with pytest.raises(ConfigError, match="no training is of pgae, slow, 100 together"):
-        recipes.grid(models=("pgae",), choices=("slow",), shares=(100,))
+    with pytest.raises(ConfigError, match="no training is of pgae, samples, slow, 100 together"):
+        recipes.grid(models=("pgae",), choices=("slow",), shares=(100,), modes=("samples",))
 
 
 @pytest.mark.parametrize(("share", "labelled"), [(100.0, 552), (10.0, 56)])
@@ -77,13 +86,14 @@ def test_held_out_patterns_take_no_part_in_a_training(
     """The real thing in small: watched and scored on held-out patterns, trained on the others."""
     seen, scored, build = set(), [], batches.build
     quick = replace(MODELS["ptae"].recipe, epochs=1, batch=54)
-    monkeypatch.setattr(recipes, "recipe_of", lambda model, choice: quick)
+    monkeypatch.setattr(recipes, "recipe_of", lambda job, choice: quick)
     monkeypatch.setattr(batches, "build", lambda source, samples, *rest: (
         seen.update(samples.tolist()) or build(source, samples, *rest)))  # fmt: skip
     monkeypatch.setattr(supervision, "scores", lambda trained, samples, split: (
         scored.append(split) or {"describe_accuracy": 1.0}))  # fmt: skip
-    row = runner.work(recipes.STUDY, samples, None, ("recording", "ptae", share, "regular", 0))
-    assert list(row[recipes.KEY].iloc[0]) == ["recording", "ptae", share, "regular", 0]
+    job = ("recording", "ptae", "samples", share, "regular", 0)
+    row = runner.work(recipes.STUDY, samples, None, job)
+    assert tuple(row[recipes.KEY].iloc[0]) == job
     assert len(row) == 1 and row["labelled"].item() == labelled and scored == ["held_out"]
     assert seen and seen <= set(samples.split("fit").tolist())
     assert np.isnan(row["seconds_to_all"].item())  # an epoch describes nothing
@@ -95,7 +105,7 @@ def test_the_seconds_until_all_are_described(few, trained, monkeypatch):
     about = trained.about | {"watched": points, "labelled": 4, "supervised_samples_seen": 1}
     monkeypatch.setattr(supervision, "scores", lambda *_: {})
     monkeypatch.setattr(supervision, "examples", lambda *_: pd.DataFrame({"sample": [1]}))
-    job = (few, "recording", "ptae", 100.0, "slow", 3)
+    job = (few, "recording", "ptae", "samples", 100.0, "slow", 3)
     row = recipes.score(replace(trained, about=about), *job)
     assert row["seconds_to_all"].item() == 135
 

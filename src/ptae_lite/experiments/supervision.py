@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from argparse import ArgumentParser
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from importlib.metadata import version
 
@@ -34,6 +34,7 @@ from ptae_lite.experiments.runner import Study
 from ptae_lite.experiments.supervision_grid import (
     DRAWN,
     SEEDS,
+    SELDOM,
     VARIANTS,
     Job,
     as_rows,
@@ -55,7 +56,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
     """The training of a job; None for the linear baseline, which is not trained.
 
     Args:
-        recipe: None for the model's own.
+        recipe: None for that of `recipe_of`.
         split: `fit` if settings are chosen.
 
     Raises:
@@ -65,7 +66,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
         return None
     if (job.mode, job.model) == ("iterations", "pvae"):
         raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
-    own, labels = asdict(recipe or MODELS[job.model].recipe), Labels()
+    own, labels = asdict(recipe or recipe_of(job)), Labels()
     if not job.regular:
         variant = VARIANTS[job.variant]
         own |= variant.recipe | {"epochs": own["epochs"] * variant.times}
@@ -75,6 +76,12 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
             labels = labels_of(job)
     return experiment(samples, job.model, {}, own, job.seed, split=split, labels=labels,
                       name=_weights_of(job))  # fmt: skip
+
+
+def recipe_of(job: Job) -> Recipe:
+    """The model's own recipe, or that for few iterations."""
+    seldom = job.mode == "iterations" and not job.regular
+    return replace(MODELS[job.model].recipe, **(SELDOM if seldom else {}))
 
 
 def _weights_of(job: Job) -> str:
@@ -154,7 +161,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
     """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
-        recipe: for all trainings; None for each model's own.
+        recipe: for all trainings; None for that of `recipe_of`.
         weights: a folder of trained models.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]

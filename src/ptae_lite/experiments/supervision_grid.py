@@ -42,6 +42,8 @@ VARIANTS = {
     "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
+# With few iterations a weight would decay between two uses of a label. Chosen by `recipes`.
+SELDOM = {"muon_decay": 0.0}
 DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
 
