@@ -40,7 +40,7 @@ def test_each_choice_changes_what_it_says_and_nothing_else(few):
         regular = asdict(MODELS[model].recipe) | {"seed": 4}
         if mode == "iterations":
             assert found.labels == Labels("few updates")
-            regular |= {"balanced": False, "supervised": share / 100, "muon_decay": 0.0}
+            regular |= {"balanced": False, "supervised": share / 100}
         else:
             assert found.labels == (Labels("random", 10) if share == 10 else Labels())
         assert asdict(found.recipe) == regular | recipes.CHOICES[choice].changes[model]
@@ -69,9 +69,7 @@ def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
     table = search((0, 1), "regular", "fast")
     assert [one.seed for one in asked] == [1, 1, 0, 0, 1] and len(table) == 5
     assert not table.duplicated(recipes.KEY).any()
-    with pytest.raises(
-        ConfigError, match="no choice 'guess'; there are regular; decay; adam; no-decay"
-    ):
+    with pytest.raises(ConfigError, match="no choice 'guess'; there are regular; adam; no-decay"):
         search((0,), "guess")
     with pytest.raises(ConfigError, match="no model 'prae'; there are ptae; pgae; pvae"):
         recipes.grid(models=("prae",))
@@ -86,7 +84,7 @@ def test_held_out_patterns_take_no_part_in_a_training(
     """The real thing in small: watched and scored on held-out patterns, trained on the others."""
     seen, scored, build = set(), [], batches.build
     quick = replace(MODELS["ptae"].recipe, epochs=1, batch=54)
-    monkeypatch.setattr(recipes, "recipe_of", lambda job, choice: quick)
+    monkeypatch.setattr(recipes, "recipe_of", lambda model, choice: quick)
     monkeypatch.setattr(batches, "build", lambda source, samples, *rest: (
         seen.update(samples.tolist()) or build(source, samples, *rest)))  # fmt: skip
     monkeypatch.setattr(supervision, "scores", lambda trained, samples, split: (

@@ -49,14 +49,10 @@ TRAINED = ("ptae", "pgae", "pvae")
 RATE, EPOCHS = Recipe().muon_lr, Recipe().epochs
 CHOICES = {
     "regular": Choice("the regular recipe", dict.fromkeys(TRAINED, {}), iterations=FEW),
-    "decay": Choice(
-        "weights decay with few iterations as with many",
-        {name: {"muon_decay": MODELS[name].recipe.muon_decay} for name in ("ptae", "pgae")},
-        shares=(),
-        iterations=FEW,
-    ),
     "adam": Choice("Adam alone, with the rates that were best for it", ADAM),
-    "no-decay": Choice("no weight decay", {"ptae": {"muon_decay": 0.0}}),
+    "no-decay": Choice(
+        "no weight decay", dict.fromkeys(("ptae", "pgae"), {"muon_decay": 0.0}), iterations=FEW
+    ),
     "slow": Choice("half of Muon's learning rate", {"ptae": {"muon_lr": RATE / 2}}, (ALL,)),
     "fast": Choice("twice Muon's learning rate", {"ptae": {"muon_lr": RATE * 2}}, (ALL,)),
     "short": Choice("half the epochs", {"ptae": {"epochs": EPOCHS // 2}}, (TENTH,)),
@@ -107,16 +103,16 @@ def job_of(model: str, mode: str, share: float, seed: int) -> Job:
     return Job(model, mode, "balanced" if mode == "samples" else "paper", share, seed)
 
 
-def recipe_of(job: Job, choice: str) -> Recipe:
+def recipe_of(model: str, choice: str) -> Recipe:
     """The recipe of a row."""
-    return replace(supervision.recipe_of(job), **CHOICES[choice].changes[job.model])
+    return replace(MODELS[model].recipe, **CHOICES[choice].changes[model])
 
 
 def experiment_of(samples: Samples, data: str, model: str, mode: str, share: float, choice: str,
                   seed: int) -> Experiment:  # fmt: skip
     """The training of a row."""
     job = job_of(model, mode, share, seed)
-    return supervision.experiment_of(samples, job, recipe_of(job, choice), split="fit")
+    return supervision.experiment_of(samples, job, recipe_of(model, choice), split="fit")
 
 
 def score(trained: Trained, samples: Samples, data: str, model: str, mode: str, share: float,

@@ -33,8 +33,8 @@ from ptae_lite.experiments.pseudo_labels import pseudo_labelled
 from ptae_lite.experiments.runner import Study
 from ptae_lite.experiments.supervision_grid import (
     DRAWN,
+    FEW_UPDATES,
     SEEDS,
-    SELDOM,
     VARIANTS,
     Job,
     as_rows,
@@ -79,9 +79,9 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
 
 
 def recipe_of(job: Job) -> Recipe:
-    """The model's own recipe, or that for few iterations."""
-    seldom = job.mode == "iterations" and not job.regular
-    return replace(MODELS[job.model].recipe, **(SELDOM if seldom else {}))
+    """The model's own recipe, with its change for few updates that use a label."""
+    own = MODELS[job.model].recipe
+    return replace(own, **FEW_UPDATES.get(job.model, {})) if job.few_updates else own
 
 
 def _weights_of(job: Job) -> str:

@@ -42,8 +42,8 @@ VARIANTS = {
     "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
     "long": Variant({"balanced": False}, times=8),  # as `paper`
 }
-# With few iterations a weight would decay between two uses of a label. Chosen by `recipes`.
-SELDOM = {"muon_decay": 0.0}
+# What a model's recipe changes if at most a tenth of the updates use a label. See `recipes`.
+FEW_UPDATES = {"ptae": {"muon_decay": 0.0}}
 DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
 
@@ -67,6 +67,11 @@ class Job(NamedTuple):
     def regular(self) -> bool:
         """Whether all labels are used as often as in chapter 03. Variants are then the same."""
         return self.share == REGULAR[self.mode]
+
+    @property
+    def few_updates(self) -> bool:
+        """Whether at most a tenth of the updates use a label."""
+        return self.mode == "iterations" and self.share <= 10
 
 
 def grid(seeds=None, core: bool = False) -> list[Job]:
