@@ -115,8 +115,8 @@ STAGES = (
         0, 27, minutes_of_one=7,
         lies={f"weights/{name}.safetensors": f"weights/{name}_seed0.safetensors"
               for name in ("ptae", "ptae_adam")}),
-    Stage("recipes", "ptae_lite study recipes --workers 2 --models ptae --variants regular "
-          "--seeds {seeds} --out {out}/results",
+    Stage("recipes", "ptae_lite study recipes --workers 2 --models ptae --modes samples "
+          "--variants regular --seeds {seeds} --out {out}/results",
           {"results/recipes.csv": table(recipes.KEY, SCORED, 0.9)}, 0, 3, least_seeds=2),
     Stage("conflicts and labels",  # PTAE's curves; the whole study of labels takes hours more
           "ptae_lite.reproduce.run_parallel "
