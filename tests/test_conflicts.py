@@ -86,7 +86,7 @@ def test_models_are_compared_in_every_signal(table):
             places = [("none", 0), ("congruent", 0), *((EXTRA_INPUT[signal], n) for n in (1, 2, 3))]
             wanted = np.array([value(signal, *place) for place in places])
             np.testing.assert_allclose(mean, wanted + np.mean(SPREAD) + 0.5 * k)
-    only = incongruence_plots.compared(table[table["model"] != "ptae_two_way"])
+    only = incongruence_plots.compared(table[table["model"] != "ptae_two_way_adam"])
     assert list(bars(only.axes[0])) == [
         "trained with Adam alone", "trained with extra input", "chapter 03's",
     ]  # fmt: skip

@@ -229,28 +229,28 @@ def gaps(costs, model, costly, cheap):
 
 
 def test_two_way_attention_takes_a_part_of_the_asymmetry_in_motion_away(costs):
-    both, one = costs.loc["ptae_two_way", "conflict"], costs.loc["ptae_adam", "conflict"]
+    both, one = costs.loc["ptae_two_way_adam", "conflict"], costs.loc["ptae_adam", "conflict"]
     says(both["repeat action"].mean() > 2 * one["repeat action"].mean(),
          "A false sentence costs several times what it costs the regular model (05)")  # fmt: skip
     says(both["execute"].mean() < one["execute"].mean(),
          "a false clip costs execute a little less (in depth)")  # fmt: skip
     was, now = (gaps(costs, name, "execute", "repeat action")
-                for name in ("ptae_adam", "ptae_two_way"))  # fmt: skip
+                for name in ("ptae_adam", "ptae_two_way_adam"))  # fmt: skip
     says(0.4 < now.mean() / was.mean() < 0.65 and now.min() > 0,
          "The gap shrinks to little more than half (05 and in depth)")  # fmt: skip
 
 
 def test_two_way_attention_changes_little_in_words(costs):
-    both = costs.loc["ptae_two_way", "conflict"]
+    both = costs.loc["ptae_two_way_adam", "conflict"]
     says(both["repeat language"].min() > 90 and both["describe"].mean() > 50,
          "nearly all from repeat language, more than half from describe (in depth)")  # fmt: skip
     was, now = (gaps(costs, name, "repeat language", "describe")
-                for name in ("ptae_adam", "ptae_two_way"))  # fmt: skip
+                for name in ("ptae_adam", "ptae_two_way_adam"))  # fmt: skip
     says(0.7 < now.mean() / was.mean() < 1.1, "In words it hardly changes (05)")
 
 
 def test_in_one_two_way_training_the_format_costs_as_much_as_the_conflict(costs):
-    seeds = costs.loc[("ptae_two_way", "repeat action")].set_index("seed")
+    seeds = costs.loc[("ptae_two_way_adam", "repeat action")].set_index("seed")
     says(seeds.loc[1, "format"] > 0.7 * seeds.loc[1, "conflict"],
          "In one training the mere format cost as much (05, 07, in depth)")  # fmt: skip
     says(seeds.loc[[0, 2], "format"] < 0.3 * seeds.loc[[0, 2], "conflict"],
@@ -274,24 +274,24 @@ def test_without_speed_little_of_the_asymmetry_is_left(table, costs):
 
 def test_a_training_with_true_extra_input_turns_the_asymmetry_round(table):
     for aspects in ("action", "colour", "action colour"):
-        heard, seen = told_apart(table, "ptae_congruent", aspects)
+        heard, seen = told_apart(table, "ptae_congruent_adam", aspects)
         says(heard.max() < seen.min(), "the asymmetry has turned round (05, figure 5.8)")
-    says(told_apart(table, "ptae_congruent", "action")[0].max() < 15,
+    says(told_apart(table, "ptae_congruent_adam", "action")[0].max() < 15,
          "A false action word spoils nearly every description (05)")  # fmt: skip
-    says(told_apart(table, "ptae_congruent", "action colour")[1].min() > 85,
+    says(told_apart(table, "ptae_congruent_adam", "action colour")[1].min() > 85,
          "a clip with false action and cube spoils hardly any repetition (05)")  # fmt: skip
-    rows = table[table["model"] == "ptae_congruent"]
+    rows = table[table["model"] == "ptae_congruent_adam"]
     says(single(rows, "repeat language", "action", "speed", "speed_taken") > 90,
          "Only the speed remains the clip's (05)")  # fmt: skip
 
 
 def test_in_motion_the_false_action_turns_round_as_well(table):
-    for model, sign in (("ptae_adam", 1), ("ptae_congruent", -1)):
+    for model, sign in (("ptae_adam", 1), ("ptae_congruent_adam", -1)):
         rows = table[table["model"] == model]
         clip = single(rows, "execute", "action", "action")
         word = single(rows, "repeat action", "language", "action")
         says((sign * clip).min() > (sign * word).max(), "In motion it is the same (05)")
-    rows = table[table["model"] == "ptae_two_way"]
+    rows = table[table["model"] == "ptae_two_way_adam"]
     clip = single(rows, "execute", "action", "action")
     word = single(rows, "repeat action", "language", "action")
     says(clip.mean() < word.mean(), "a gap stays, and two-way attention removes it (05)")

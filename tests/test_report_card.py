@@ -337,7 +337,7 @@ def test_the_reasons_beside_the_verdicts_are_true(rows):
     chance = claim_metrics.with_labels("pgae", "describe_accuracy", "samples", 1)(found[0])
     assert (chance < CHANCE).sum() == 1 and len(chance) == 3
     gap = [claim_metrics.more_harm("execute", "repeat action", name)(found[0])
-           for name in ("ptae_two_way", "ptae_adam")]  # fmt: skip
+           for name in ("ptae_two_way_adam", "ptae_adam")]  # fmt: skip
     assert (1 - gap[0] / gap[1]).between(1 / 3, 0.55).all()
     plain = claim_metrics.more_harm("execute", "repeat action")(found[0])
     assert plain.max() < gap[0].min()  # the training takes more of the gap than two ways

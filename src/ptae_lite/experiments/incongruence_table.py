@@ -1,13 +1,15 @@
 """The study of incongruence: each model under each condition, and what its answers follow.
 
-Four models are compared, each with several seeds:
+Three models are compared, each with several seeds:
 
 - `ptae`: the regular one;
-- `ptae_adam`: the same network, trained with Adam alone, as are the next two;
 - `ptae_two_way`: words query the frames and frames query the words. The paper's discussion proposes
-  this against the asymmetry. It has twice the epochs; with fewer it repeats no language reliably;
+  this against the asymmetry;
 - `ptae_congruent`: half of its training samples, of all signals, have a true extra input. So it
   knows the format of a conflict.
+
+Those that end in `_adam` are the same, trained with Adam alone. The two-way one then has twice the
+epochs: with fewer it repeats no language reliably.
 """
 
 from __future__ import annotations
@@ -56,11 +58,14 @@ class Variant(NamedTuple):
     recipe: dict = {}
 
 
+TWO_WAY, CONGRUENT = {"queries": "both"}, {"p_congruent_input": 0.5}
 MODELS = {
     "ptae": Variant(),
+    "ptae_two_way": Variant(TWO_WAY),
+    "ptae_congruent": Variant(recipe=CONGRUENT),
     "ptae_adam": Variant(recipe=ADAM["ptae"]),
-    "ptae_two_way": Variant({"queries": "both"}, ADAM["ptae"] | {"epochs": 160}),
-    "ptae_congruent": Variant(recipe=ADAM["ptae"] | {"p_congruent_input": 0.5}),
+    "ptae_two_way_adam": Variant(TWO_WAY, ADAM["ptae"] | {"epochs": 160}),
+    "ptae_congruent_adam": Variant(recipe=ADAM["ptae"] | CONGRUENT),
 }
 NAMES = {"ptae_adam": "ptae, Adam"}  # of files of weights, as in the family
 

@@ -217,7 +217,7 @@ CLAIMS = [
         lambda tables: [
             a - b
             for a, b in zip(
-                more_harm("execute", "repeat action", "ptae_adam")(tables),
+                more_harm("execute", "repeat action")(tables),
                 more_harm("execute", "repeat action", "ptae_two_way")(tables),
                 strict=False,
             )

@@ -23,9 +23,15 @@ LOOKS = {  # of a line of conflicts, by where they are
 CONTROLS = {"congruent": (style.ORANGE, "D"), "congruent_other": (style.PURPLE, "X")}
 MODELS = {
     "ptae_adam": ("trained with Adam alone", style.BLUE, "-", "o"),
-    "ptae_two_way": ("two-way attention", style.RED, "--", "s"),
-    "ptae_congruent": ("trained with extra input", style.GREEN, "-.", "^"),
     "ptae": ("chapter 03's", style.PURPLE, ":", "D"),
+    **{
+        f"{name}{training}": look
+        for training in ("_adam", "")
+        for name, look in {
+            "ptae_two_way": ("two-way attention", style.RED, "--", "s"),
+            "ptae_congruent": ("trained with extra input", style.GREEN, "-.", "^"),
+        }.items()
+    },
 }
 FILLS = {  # of a bar, and its hatch
     "truth": (style.SKY, ""), "distractor": (style.RED, "///"), "mixture": (style.ORANGE, "..."),
