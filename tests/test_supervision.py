@@ -21,6 +21,7 @@ from ptae_lite.experiments import labels, supervision, supervision_grid, tables
 from ptae_lite.experiments.supervision_grid import Job
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import MODELS, PVAE
+from ptae_lite.paper import reported
 from ptae_lite.training import Recipe
 
 QUICK = Recipe(epochs=1, batch=8)
@@ -216,6 +217,12 @@ def test_ptae_keeps_what_few_updates_teach_without_weight_decay(few, mode, share
         assert asked.recipe.muon_decay == (MODELS[model].recipe.muon_decay if own else 0)
 
 
+def test_a_training_can_be_as_long_as_the_papers(few):
+    asked = supervision.experiment_of(few, job(1, mode="iterations", variant="paper-length"))
+    shown = asked.recipe.epochs * 24 * asked.recipe.batch  # updates of an epoch
+    assert shown / (reported.STEPS["ptae"] * reported.BATCH) == pytest.approx(1, abs=0.01)
+
+
 @pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
 def test_with_all_labels_it_is_the_regular_training(few, small, small_configs, model):
     recipe = Recipe(epochs=1, batch=8)
@@ -334,7 +341,7 @@ def test_the_regular_training_is_found_by_either_of_its_names():
     regular = [job(100, variant="paper")]
     for mode, share in (("iterations", 66.6), ("samples", 100)):
         assert supervision_grid.select(grid, model=["ptae"], mode=[mode], share=[share]) == regular
-    assert len(supervision_grid.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 2
+    assert len(supervision_grid.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 3
 
 
 @pytest.mark.parametrize("chosen", [{"model": ["pvae"], "mode": ["iterations"]},

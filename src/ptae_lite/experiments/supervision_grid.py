@@ -41,6 +41,8 @@ VARIANTS = {
     "covering": Variant(),  # balanced, too; the labelled samples name every word
     "pseudo-labels": Variant(),  # the others have a label that was found, see `pseudo_labels`
     "long": Variant({"balanced": False}, times=8),  # as `paper`
+    # as many samples shown as in the paper's training of PTAE
+    "paper-length": Variant({"balanced": False}, times=31),
 }
 # What a model's recipe changes if at most a tenth of the updates use a label. See `recipes`.
 FEW_UPDATES = {"ptae": {"muon_decay": 0.0}}
@@ -105,8 +107,10 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
         more("ptae", "samples", "covering", seed, 1, 2, 5)
         more("ptae", "samples", "shuffled-scenes", seed, 2, 10, 50)
         more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
-    for model in () if core else ("ptae", "pgae"):
-        more(model, "iterations", "long", seeds[0], 1, 2)  # an hour of a core for each model
+    if not core:
+        for model in ("ptae", "pgae"):
+            more(model, "iterations", "long", seeds[0], 1, 2)  # an hour of a core for each model
+        more("ptae", "iterations", "paper-length", seeds[0], 1)  # an hour and a half
     return list(dict.fromkeys(map(_once, found)))
 
 

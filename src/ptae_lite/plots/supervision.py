@@ -27,7 +27,12 @@ NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear basel
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
 MAIN = {"samples": ("balanced", "random"), "iterations": ("paper",)}  # variants in the figures
-ALL_MODELS = (f"{VARIANTS['long'].times} times as long", "the paper's text")  # in each one's colour
+LONGER = {  # hollow marks of longer trainings: their label and size
+    "long": (f"{VARIANTS['long'].times} times as long", 6),
+    "paper-length": ("as long as the paper's", 9),
+}
+PAPER = "the paper's text"
+ALL_MODELS = (*(label for label, _ in LONGER.values()), PAPER)  # in each one's colour
 PAPERS = (  # the three figures of the paper
     ("describe_accuracy", "iterations"), ("describe_accuracy", "samples"),
     ("execute_nrmse", "samples"),
@@ -62,7 +67,7 @@ def by_samples_seen(table: pd.DataFrame) -> Figure:
     The numbers are shares in percent, where there is room for them. Only variants in which the
     number of labels, or of their uses, is all that differs are shown.
     """
-    mine = table[(table["model"] == "ptae") & table["variant"].isin(["balanced", "paper", "long"])]
+    mine = table[(table["model"] == "ptae") & table["variant"].isin(["balanced", "paper", *LONGER])]
     regular = mine["share"] == mine["mode"].map(REGULAR)
     kind = (mine["mode"] + ", " + mine["variant"]).mask(regular, "all labels")
     figure, axis = plt.subplots(figsize=(style.WIDTH, 4.6))
@@ -93,15 +98,16 @@ def draw_measure(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> Non
             bars = [side.where(several.notna()) for side in reach]
             axis.errorbar(found.index, found["mean"], yerr=bars, color=colour, linestyle=dash,
                           marker=mark, markersize=4, capsize=2, label=NAMES[model])  # fmt: skip
-        longer = table[(table["model"] == model) & (table["mode"] == mode)]
-        longer = longer[longer["variant"] == "long"].groupby("share")[column].mean()
-        if len(longer):
-            axis.plot(longer, mark, color=colour, fillstyle="none", markersize=6,
-                      label=ALL_MODELS[0])  # fmt: skip
+        own = table[(table["model"] == model) & (table["mode"] == mode)]
+        for variant, (label, size) in LONGER.items():
+            longer = own[own["variant"] == variant].groupby("share")[column].mean()
+            if len(longer):
+                axis.plot(longer, mark, color=colour, fillstyle="none", markersize=size,
+                          label=label)  # fmt: skip
         paper = reported.BY_SHARE.get((model, column, mode))
         if paper:
             axis.plot(list(paper), [claim.value for claim in paper.values()], "^", color=colour,
-                      fillstyle="none", label=ALL_MODELS[1])  # fmt: skip
+                      fillstyle="none", label=PAPER)  # fmt: skip
     if mode == "iterations":  # every sample has a label here, so the baseline uses all labels
         sums = rows_of(table, "linear", "samples")
         sums = sums[sums["share"] == REGULAR["samples"]][column].mean()
