@@ -207,16 +207,6 @@ def test_few_supervised_updates_use_any_sample(few, idle, model, share):
         np.testing.assert_allclose(shares, share / 300, atol=0.04)
 
 
-@pytest.mark.parametrize(("mode", "share", "decays"), [
-    ("iterations", 10, False), ("iterations", 1, False), ("iterations", 20, True),
-    ("iterations", 66.6, True), ("samples", 1, True),
-])  # fmt: skip
-def test_ptae_keeps_what_few_updates_teach_without_weight_decay(few, mode, share, decays):
-    for model, own in (("ptae", decays), ("pgae", True)):
-        asked = supervision.experiment_of(few, job(share, 1, model, mode, variant="paper"))
-        assert asked.recipe.muon_decay == (MODELS[model].recipe.muon_decay if own else 0)
-
-
 def test_a_training_can_be_as_long_as_the_papers(few):
     asked = supervision.experiment_of(few, job(1, mode="iterations", variant="paper-length"))
     shown = asked.recipe.epochs * 24 * asked.recipe.batch  # updates of an epoch

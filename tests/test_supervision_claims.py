@@ -387,16 +387,6 @@ def test_a_sentence_beside_its_own_scene_teaches_colours(table):
 def test_held_out_patterns_choose_the_regular_recipe():
     found = pd.read_csv(artefacts.stored("results/recipes.csv"))
     found = found[(found["data"] == "recording") & found["seed"].isin(recipes.SEEDS)]
-    few = found[found["mode"] == "iterations"].set_index(["model", "share", "seed", "choice"])
-    few = few[DESCRIBE].unstack("choice")
-    gain = few["no-decay"] - few["regular"]
-    assert len(gain) == 8 and gain.notna().all()
-    finding(
-        gain["ptae"].min() > 0 and gain["pgae"].max() < -10,
-        OFTEN_PAGE,
-        "What weight decay does to a rare label",
-        "without weight decay PTAE describes more and PGAE far less, with either seed",
-    )
     found = found[(found["model"] == "ptae") & (found["mode"] == "samples")]
     found = found.set_index(["share", "choice", "seed"])[EXECUTE].unstack("choice")
     assert {"regular", "adam"} <= set(found) <= set(recipes.CHOICES)
@@ -405,6 +395,21 @@ def test_held_out_patterns_choose_the_regular_recipe():
         "in_depth/03_muon",
         "How a recipe is chosen",
         "about half the error on held-out patterns",
+    )
+
+
+def test_weight_decay_with_few_iterations_is_kept():
+    found = pd.read_csv(artefacts.stored("results/recipes.csv"))
+    few = found[(found["mode"] == "iterations") & found["seed"].isin(recipes.SEEDS)]
+    few = few.set_index(["model", "data", "share", "seed", "choice"])[DESCRIBE].unstack("choice")
+    gain = (few["no-decay"] - few["regular"]).sort_index()
+    assert len(gain) == 12 and gain.notna().all()
+    where = OFTEN_PAGE, "Does a rare label decay?"
+    finding(gain["ptae", "recording"].min() > 0, *where, "on ours PTAE describes more without")
+    finding(
+        gain["ptae", "authors", 2].max() < -20 and gain["pgae"].max() < -10,
+        *where,
+        "on the authors' data, and for PGAE, far less",
     )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import time
 from argparse import ArgumentParser
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
 
@@ -33,7 +33,6 @@ from ptae_lite.experiments.pseudo_labels import pseudo_labelled
 from ptae_lite.experiments.runner import Study
 from ptae_lite.experiments.supervision_grid import (
     DRAWN,
-    FEW_UPDATES,
     SEEDS,
     VARIANTS,
     Job,
@@ -56,7 +55,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
     """The training of a job; None for the linear baseline, which is not trained.
 
     Args:
-        recipe: None for that of `recipe_of`.
+        recipe: None for the model's own.
         split: `fit` if settings are chosen.
 
     Raises:
@@ -66,7 +65,7 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
         return None
     if (job.mode, job.model) == ("iterations", "pvae"):
         raise ConfigError("PVAE has no signals, so no share of its updates can be supervised")
-    own, labels = asdict(recipe or recipe_of(job)), Labels()
+    own, labels = asdict(recipe or MODELS[job.model].recipe), Labels()
     if not job.regular:
         variant = VARIANTS[job.variant]
         own |= variant.recipe | {"epochs": own["epochs"] * variant.times}
@@ -76,12 +75,6 @@ def experiment_of(samples: Samples, job: Job, recipe: Recipe | None = None,
             labels = labels_of(job)
     return experiment(samples, job.model, {}, own, job.seed, split=split, labels=labels,
                       name=_weights_of(job))  # fmt: skip
-
-
-def recipe_of(job: Job) -> Recipe:
-    """The model's own recipe, with its change for few updates that use a label."""
-    own = MODELS[job.model].recipe
-    return replace(own, **FEW_UPDATES.get(job.model, {})) if job.few_updates else own
 
 
 def _weights_of(job: Job) -> str:
@@ -161,7 +154,7 @@ def study(samples: Samples, folder, jobs: list[Job] | None = None, recipe: Recip
     """Run jobs (all of `grid` if None); see `runner.run`.
 
     Args:
-        recipe: for all trainings; None for that of `recipe_of`.
+        recipe: for all trainings; None for each model's own.
         weights: a folder of trained models.
     """
     rows = [named(samples, job) for job in (grid() if jobs is None else jobs)]

@@ -44,8 +44,6 @@ VARIANTS = {
     # as many samples shown as in the paper's training of PTAE
     "paper-length": Variant({"balanced": False}, times=31),
 }
-# What a model's recipe changes if at most a tenth of the updates use a label. See `recipes`.
-FEW_UPDATES = {"ptae": {"muon_decay": 0.0}}
 DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
 
@@ -69,11 +67,6 @@ class Job(NamedTuple):
     def regular(self) -> bool:
         """Whether all labels are used as often as in chapter 03. Variants are then the same."""
         return self.share == REGULAR[self.mode]
-
-    @property
-    def few_updates(self) -> bool:
-        """Whether at most a tenth of the updates use a label."""
-        return self.mode == "iterations" and self.share <= 10
 
 
 def grid(seeds=None, core: bool = False) -> list[Job]:
