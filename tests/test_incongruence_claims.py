@@ -346,6 +346,28 @@ def test_in_motion_the_asymmetry_stays_and_both_costs_are_smaller(table, costs):
              "In execute a false speed is still the worst (in depth)")  # fmt: skip
 
 
+def test_with_the_better_step_the_remedies_do_something_else(table, costs):
+    one, two, true = (costs.loc[name, "conflict"]
+                      for name in ("ptae", "ptae_two_way", "ptae_congruent"))  # fmt: skip
+    says(two["repeat language"].min() > 95 and 20 < two["describe"].mean() < 40,
+         "two ways: a false clip takes all, a false sentence a third (in depth)")  # fmt: skip
+    says(two["describe"].max() < one["describe"].min() - 30
+         and two["repeat language"].min() > one["repeat language"].max() + 30,
+         "in words no training of two ways is near one of the others (in depth)")  # fmt: skip
+    says(true["describe"].min() > one["describe"].max()
+         and single(table[table["model"] == "ptae_congruent"], "describe", "language", "action")
+         < 2, "no description survives a false action word (in depth)")  # fmt: skip
+    wide, now = (gaps(costs, name, "execute", "repeat action")
+                 for name in ("ptae", "ptae_two_way"))  # fmt: skip
+    change = (wide - now).dropna()
+    says(len(change) == 2 and change.min() < 0 < change.max(),
+         "two ways narrow the gap with one training and widen it with the other")  # fmt: skip
+    own = costs.loc["ptae_two_way"].set_index("seed", append=True)
+    for signal in MOTIONS:
+        ratio = own.loc[signal, "format"] / own.loc[signal, "conflict"]
+        says((ratio > 0.5).sum() == 1, "the mere format costs as much with one (in depth)")
+
+
 def test_on_the_authors_data_the_clip_is_believed_more_but_not_always():
     rows = incongruence_table.read(artefacts.stored("results/incongruence.csv"), "authors")
     paid = incongruence_table.damage(rows).set_index(["model", "signal"]).sort_index()

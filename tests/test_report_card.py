@@ -336,11 +336,13 @@ def test_the_reasons_beside_the_verdicts_are_true(rows):
     assert (one_percent > 0).sum() == 1 and len(one_percent) == 3
     chance = claim_metrics.with_labels("pgae", "describe_accuracy", "samples", 1)(found[0])
     assert (chance < CHANCE).sum() == 1 and len(chance) == 3
-    gap = [claim_metrics.more_harm("execute", "repeat action", name)(found[0])
-           for name in ("ptae_two_way_adam", "ptae_adam")]  # fmt: skip
-    assert (1 - gap[0] / gap[1]).between(1 / 3, 0.55).all()
-    plain = claim_metrics.more_harm("execute", "repeat action")(found[0])
-    assert plain.max() < gap[0].min()  # the training takes more of the gap than two ways
+    one, two, one_adam, two_adam = (
+        claim_metrics.more_harm("execute", "repeat action", name)(found[0])
+        for name in ("ptae", "ptae_two_way", "ptae_adam", "ptae_two_way_adam")
+    )
+    assert ((two - one).dropna() > 0).sum() == 1 and len(two) == 2
+    assert (two_adam < one_adam).all() and len(two_adam) == 3
+    assert one.max() < two_adam.min()  # the training takes more of the gap than two ways
     lost = claim_metrics.under("repeat language", 3)(found[0])
     assert (lost < 50).sum() == 2
     fifth = by_claim.loc["PTAE, describe with 20 % of the samples"]
