@@ -252,9 +252,9 @@ def test_two_way_attention_changes_little_in_words(costs):
 def test_in_one_two_way_training_the_format_costs_as_much_as_the_conflict(costs):
     seeds = costs.loc[("ptae_two_way_adam", "repeat action")].set_index("seed")
     says(seeds.loc[1, "format"] > 0.7 * seeds.loc[1, "conflict"],
-         "In one training the mere format cost as much (05, 07, in depth)")  # fmt: skip
+         "In one training the mere format cost as much (05, 07)")  # fmt: skip
     says(seeds.loc[[0, 2], "format"] < 0.3 * seeds.loc[[0, 2], "conflict"],
-         "In one of its trainings (05, 07, and in depth)")  # fmt: skip
+         "In one of its trainings (05, 07)")  # fmt: skip
 
 
 def told_apart(table, model, aspects):
@@ -360,12 +360,13 @@ def test_with_the_better_step_the_remedies_do_something_else(table, costs):
     wide, now = (gaps(costs, name, "execute", "repeat action")
                  for name in ("ptae", "ptae_two_way"))  # fmt: skip
     change = (wide - now).dropna()
-    says(len(change) == 2 and change.min() < 0 < change.max(),
-         "two ways narrow the gap with one training and widen it with the other")  # fmt: skip
+    says(len(change) == 3 and (change > 0).sum() == 1,
+         "two ways narrow the gap with one training of three (in depth)")  # fmt: skip
     own = costs.loc["ptae_two_way"].set_index("seed", append=True)
-    for signal in MOTIONS:
+    for signal, least, most in (("execute", 0.45, 0.6), ("repeat action", 3, 10)):
         ratio = own.loc[signal, "format"] / own.loc[signal, "conflict"]
-        says((ratio > 0.5).sum() == 1, "the mere format costs as much with one (in depth)")
+        says((ratio > least).sum() == 1 and ratio.max() < most,
+             "half of the conflict, and several times as much, with one each")  # fmt: skip
 
 
 def test_on_the_authors_data_the_clip_is_believed_more_but_not_always():

@@ -226,7 +226,7 @@ CLAIMS = [
         "points less gap in motion with two ways",
         "in_depth/05_conflict",
         REMEDIES,
-        remark="With one training of two the gap grows. With Adam alone it shrank with all three.",
+        remark="With two trainings of three the gap grows. With Adam alone it shrank with all.",
     ),
     *(
         ClaimTest(
