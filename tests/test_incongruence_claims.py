@@ -369,6 +369,14 @@ def test_with_the_better_step_the_remedies_do_something_else(table, costs):
              "half of the conflict, and several times as much, with one each")  # fmt: skip
 
 
+def test_a_false_clip_harms_motion_more_in_every_training():
+    path = artefacts.stored("results/incongruence.csv")
+    for data in ("recording", "authors"):
+        paid = incongruence_table.damage(incongruence_table.read(path, data))
+        paid = paid.pivot(index=["model", "seed"], columns="signal", values="conflict")
+        says(paid["execute"] > paid["repeat action"], "in every training of this book (in depth)")
+
+
 def test_on_the_authors_data_the_clip_is_believed_more_but_not_always():
     rows = incongruence_table.read(artefacts.stored("results/incongruence.csv"), "authors")
     paid = incongruence_table.damage(rows).set_index(["model", "signal"]).sort_index()

@@ -125,9 +125,7 @@ def test_rows_that_are_stored_are_not_made_again(samples, quick, tmp_path):
 
 
 def test_a_model_that_is_not_in_the_study_is_refused(few, tmp_path):
-    with pytest.raises(
-        ConfigError, match="no model 'pgae'; there are ptae; ptae_two_way; ptae_"
-    ):
+    with pytest.raises(ConfigError, match="no model 'pgae'; there are ptae; ptae_two_way; ptae_"):
         incongruence_table.study(few, tmp_path, ("pgae",))
 
 
