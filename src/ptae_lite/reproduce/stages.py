@@ -128,7 +128,7 @@ STAGES = (
         "results/supervision.csv": table(supervision.KEY, SCORED, 0.9),
         "results/supervision_sentences.csv": table([*supervision.KEY, "sample"], ANSWERS, 0.7),
         "weights/ptae_labelled_5_seed0.safetensors": scores(10, 1.5),  # 33 labels say little
-        "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 37, minutes_of_one=14),
+        "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 50, minutes_of_one=14),
     Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
           "--out {out}/results", {
         "results/incongruence_examples.csv": texts(conflict_examples.KEY, "answer", 0.6),
