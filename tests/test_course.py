@@ -269,7 +269,9 @@ def test_the_numbers_of_the_answers_on_few_labels_are_those_of_the_table(play):
         assert axes.get_title().endswith(f": {samples} samples")
         assert int(bars["6 colours"].get_width()) == all_six
     assert round(0.98**34, 1) == 0.5 and round(0.98**148, 2) == 0.05
-    table = pd.read_csv(artefacts.stored("results/supervision.csv")).query("share == 2")
+    table = pd.read_csv(artefacts.stored("results/supervision.csv")).query(
+        "data == 'recording' and share == 2"
+    )
     described = table.query("model == 'ptae' and variant == 'balanced'")["describe_accuracy"]
     draws = table.query("model == 'linear' and variant == 'random'")["describe_accuracy"]
     assert described.max() > 1.5 * described.min() > 0 and draws.max() > 2 * draws.min()

@@ -334,6 +334,10 @@ def test_the_reasons_beside_the_verdicts_are_true(rows):
     assert 3 < spoilt / calm < 4 and calm / 1.03 == pytest.approx(1 / 4, abs=0.05)
     one_percent = claim_metrics.ahead("describe_accuracy", "samples", 1)(found[0])
     assert (one_percent > 0).sum() == 1 and len(one_percent) == 3
+    assert by_claim.loc["PGAE, describe with 20 % of the iterations", "median_theirs"] > 75
+    for model in ("ptae", "pgae"):  # "nothing", in the one training that both have
+        found_one = claim_metrics.with_labels(model, "describe_accuracy", "samples", 1)(found[1])
+        assert found_one[0] == 0
     chance = claim_metrics.with_labels("pgae", "describe_accuracy", "samples", 1)(found[0])
     assert (chance < CHANCE).sum() == 1 and len(chance) == 3
     one, two, one_adam, two_adam = (

@@ -60,7 +60,8 @@ def said(table):
 @pytest.fixture(scope="module")
 def stored():
     names = ("supervision.csv", "supervision_sentences.csv")
-    return [pd.read_csv(artefacts.stored(f"results/{name}")) for name in names]
+    found = (pd.read_csv(artefacts.stored(f"results/{name}")) for name in names)
+    return [table[table["data"] == "recording"] for table in found]
 
 
 def curve(axes, label):

@@ -410,9 +410,12 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
         *where,
         "PGAE describes less than PTAE with a tenth, and more than the paper says with half",
     )
-    few, said = mean(theirs, "ptae", "iterations"), mean(theirs, "ptae")
+    few = mean(theirs, "ptae", "iterations")
     finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and about half")
-    finding(abs(pgae[2] - said[2]) < 3, *where, "as much with thirteen labels")
+    other = listed(theirs, "pgae")
+    gap = (listed(theirs, "ptae") - other).dropna()
+    assert gap[[2, 10]].groupby("share").size().min() == 2
+    finding(gap[[2, 10]].min() > 0, *where, "PGAE describes less with thirteen labels and a tenth")
     errors = {model: mean(theirs, model, column=EXECUTE) for model in ("ptae", "pgae")}
     above = [errors["ptae"][share] > errors["pgae"][share] for share in (1, 2)]
     finding(all(above) and errors["ptae"][1] < 2, *where, "PTAE's error is above PGAE's")
