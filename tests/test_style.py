@@ -65,7 +65,7 @@ def test_lines_that_stand_together_differ_in_more_than_colour():
     places = [
         incongruence_plots.LOOKS[place][1:] for place in ("action", "vision", "proprioception")
     ]
-    models = [look[2:] for look in incongruence_plots.MODELS.values()]
+    models = list({label: look for label, _, *look in incongruence_plots.MODELS.values()}.values())
     for looks in (places, models):  # dash and mark
         assert all(len(set(part)) == len(looks) for part in zip(*looks, strict=True))
     assert len({hatch for _, hatch in incongruence_plots.FILLS.values()}) == len(
