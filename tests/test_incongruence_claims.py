@@ -238,6 +238,9 @@ def test_two_way_attention_takes_a_part_of_the_asymmetry_in_motion_away(costs):
                 for name in ("ptae_adam", "ptae_two_way_adam"))  # fmt: skip
     says(0.4 < now.mean() / was.mean() < 0.65 and now.min() > 0,
          "The gap shrinks to little more than half (05 and in depth)")  # fmt: skip
+    says(both["repeat action"].mean() - one["repeat action"].mean()
+         > one["execute"].mean() - both["execute"].mean(),
+         "mainly by harming repeat action (in depth)")  # fmt: skip
 
 
 def test_two_way_attention_changes_little_in_words(costs):
@@ -328,7 +331,8 @@ def test_in_words_the_model_of_chapter_03_believes_the_sentence(table, costs):
     says(single(rows, "describe", "language", "speed") < 98,
          "Even a false speed word is heard (in depth)")  # fmt: skip
     whole = single(rows, "repeat language", "action", "speed")
-    says(whole < 98, "repeat language loses words to a clip of another speed (in depth)")
+    says((whole < 60).sum() == 3 and whole.min() > 40,
+         "repeat language loses half to another speed with three of five (in depth)")  # fmt: skip
     for part in ("vision", "proprioception"):
         says(single(rows, "repeat language", part, "speed") > 95,
              "The video alone or the joints alone mislead it hardly ever (in depth)")  # fmt: skip
@@ -383,6 +387,7 @@ def test_on_the_authors_data_the_clip_is_believed_more_but_not_always():
     words = gaps(paid, "ptae", "repeat language", "describe")
     says(words.mean() > 0 and 0 < (words < 0).sum() < len(words) / 2,
          "the clip is believed more, and not with every training (in depth)")  # fmt: skip
+    says(paid.loc[("ptae", "describe"), "conflict"] > 48, "describe loses half and more")
     says(gaps(paid, "ptae", "execute", "repeat action") > 0, "In motion it is there with each")
     own = paid.loc["ptae"]
     for signal in MOTIONS:

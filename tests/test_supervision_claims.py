@@ -397,7 +397,8 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
     lists = listed(theirs, "ptae")
     assert (lists.groupby("share").size() == 2).all()
     finding(min(lists[s].min() for s in (20, 50, 66.6)) > 99, *where, "nothing lost from a fifth")
-    finding(lists[10].min() < 81 < lists[10].max(), *where, "the paper's number lies between")
+    paper = reported.BY_SHARE["ptae", DESCRIBE, "samples"][10].value
+    finding(lists[10].min() < paper < lists[10].max(), *where, "the paper's number lies between")
     finding(
         lists[1].min() < CHANCE + 1 and lists[1].max() < 20, *where, "near chance with one list"
     )
@@ -406,14 +407,13 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
     finding(lists[10].mean() > linear[10] + 8, *where, "the baseline is behind with a tenth")
     half = reported.BY_SHARE["pgae", DESCRIBE, "samples"][50].value
     finding(
-        pgae[10] < lists[10].min() and pgae[50] > half + 5,
+        pgae[50] > half + 5,
         *where,
-        "PGAE describes less than PTAE with a tenth, and more than the paper says with half",
+        "PGAE describes more than the paper says with half",
     )
     few = mean(theirs, "ptae", "iterations")
     finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and about half")
-    other = listed(theirs, "pgae")
-    gap = (listed(theirs, "ptae") - other).dropna()
+    gap = (listed(theirs, "ptae") - listed(theirs, "pgae")).dropna()
     assert gap[[2, 10]].groupby("share").size().min() == 2
     finding(gap[[2, 10]].min() > 0, *where, "PGAE describes less with thirteen labels and a tenth")
     errors = {model: mean(theirs, model, column=EXECUTE) for model in ("ptae", "pgae")}

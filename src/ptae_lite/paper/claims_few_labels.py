@@ -104,12 +104,12 @@ FEW_LABELS = [
             FEW,
             ANCESTORS,
             remark=remark,
-            theirs=Notes(remark="Both describe nothing."),
+            theirs=Notes(remark=theirs),
         )
-        for share, remark in (
-            (1, "PTAE is ahead with one training of three."),
-            (2, ""),
-            (10, ""),
+        for share, remark, theirs in (
+            (1, "PTAE is ahead with one training of three.", "Both describe nothing."),
+            (2, "", ""),
+            (10, "", ""),
         )
     ),
     *(
@@ -123,9 +123,12 @@ FEW_LABELS = [
             FEW,
             ANCESTORS,
             remark=remark,
-            theirs=Notes(remark="It describes nothing."),
+            theirs=Notes(remark=theirs),
         )
-        for share, remark in ((1, "It is at chance with one training of three."), (2, ""))
+        for share, remark, theirs in (
+            (1, "It is at chance with one training of three.", "It describes nothing."),
+            (2, "", ""),
+        )
     ),
     ClaimTest(
         "Few labels",

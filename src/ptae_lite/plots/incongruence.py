@@ -21,18 +21,14 @@ LOOKS = {  # of a line of conflicts, by where they are
     "vision": (style.GREEN, "--", "s"), "proprioception": (style.RED, "-.", "v"),
 }  # fmt: skip
 CONTROLS = {"congruent": (style.ORANGE, "D"), "congruent_other": (style.PURPLE, "X")}
+TWO_WAY = ("two-way attention", style.RED, "--", "s")
+CONGRUENT = ("trained with extra input", style.GREEN, "-.", "^")
 MODELS = {
     "ptae_adam": ("trained with Adam alone", style.BLUE, "-", "o"),
     "ptae": ("chapter 03's", style.PURPLE, ":", "D"),
-    **{
-        f"{name}{training}": look
-        for training in ("_adam", "")
-        for name, look in {
-            "ptae_two_way": ("two-way attention", style.RED, "--", "s"),
-            "ptae_congruent": ("trained with extra input", style.GREEN, "-.", "^"),
-        }.items()
-    },
-}
+    "ptae_two_way_adam": TWO_WAY, "ptae_two_way": TWO_WAY,
+    "ptae_congruent_adam": CONGRUENT, "ptae_congruent": CONGRUENT,
+}  # fmt: skip
 FILLS = {  # of a bar, and its hatch
     "truth": (style.SKY, ""), "distractor": (style.RED, "///"), "mixture": (style.ORANGE, "..."),
     "neither": ("#DDDDDD", "xx"),
