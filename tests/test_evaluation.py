@@ -247,6 +247,12 @@ def test_a_scene_is_new_where_neither_speed_of_it_is_for_training(samples):
     assert found == {2, 6, 9, 38, 42, 45, 74, 78, 81, 110, 114, 117}
 
 
+def test_accuracy_by_scenes_splits_the_answers(samples):
+    new = evaluation.new_scenes(samples)
+    found = evaluation.accuracy_by_scenes(~new, samples)
+    assert found == {"describe_accuracy_new_scenes": 0, "describe_accuracy_known_scenes": 100}
+
+
 @pytest.fixture
 def telling(samples):
     """Samples in which length, place of the arm and colours are in plain view."""

@@ -150,6 +150,21 @@ def new_scenes(samples: Samples, split: str = "test") -> Bool[np.ndarray, " M"]:
     return np.array([_scene(patterns()[i]) not in known for i in asked])
 
 
+def accuracy_by_scenes(
+    right: Bool[np.ndarray, " M"], samples: Samples, split: str = "test"
+) -> dict[str, float]:
+    """Percentage of right descriptions of a split, apart for new scenes and known ones.
+
+    A kind of which the split has none is left out.
+    """
+    new = new_scenes(samples, split)
+    return {
+        f"describe_accuracy_{name}_scenes": 100 * float(right[part].mean())
+        for name, part in {"new": new, "known": ~new}.items()
+        if part.any()
+    }
+
+
 def _scene(shown: Pattern) -> tuple:
     """A pattern without its speed."""
     return shown.arrangement, shown.side, shown.action

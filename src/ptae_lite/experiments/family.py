@@ -18,7 +18,7 @@ from ptae_lite.cli import data_options
 from ptae_lite.controls import execute_errors
 from ptae_lite.data.samples import Samples
 from ptae_lite.data.signals import Source
-from ptae_lite.evaluation import correct, evaluate, new_scenes, respond
+from ptae_lite.evaluation import accuracy_by_scenes, correct, evaluate, respond
 from ptae_lite.experiments import options
 from ptae_lite.experiments.experiment import Experiment, experiment
 from ptae_lite.experiments.runner import Study, check_names, run
@@ -110,10 +110,7 @@ def score(trained: Trained, samples: Samples, data: str, variant: str, seed: int
         f"reference_{name.replace(' ', '_')}": paper
         for name, (paper, _) in references(samples, trained.scaling).items()
     }
-    new, right = new_scenes(samples), described(trained, samples)
-    for name, part in {"new": right[new], "known": right[~new]}.items():
-        if len(part):
-            scored[f"describe_accuracy_{name}_scenes"] = 100 * float(part.mean())
+    scored |= accuracy_by_scenes(described(trained, samples), samples)
     row |= {name: round(value, 3) for name, value in scored.items()}
     curve = pd.DataFrame(about["watched"], columns=POINT)
     curve = curve.assign(variant=variant, seed=seed, data=data)

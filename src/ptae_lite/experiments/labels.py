@@ -10,6 +10,7 @@ from jaxtyping import Int
 from ptae_lite.baselines import linear_describe
 from ptae_lite.data.samples import Samples
 from ptae_lite.errors import ConfigError
+from ptae_lite.evaluation import accuracy_by_scenes
 from ptae_lite.language import Meaning, patterns, words_of
 from ptae_lite.training import label
 
@@ -70,16 +71,21 @@ def cover(samples: Samples, train, share_percent: float, seed: int) -> Int[np.nd
 
 
 def linear_scores(samples: Samples, labelled, split: str = "test") -> dict[str, float]:
-    """Percentage of a split for which `baselines.linear_describe` is right; and of each word."""
+    """Percentage of a split for which `baselines.linear_describe` is right; and of each word.
+
+    Apart for new and known scenes as well (`evaluation.accuracy_by_scenes`).
+    """
     indices = samples.split(split)
     said = linear_describe(samples, labelled, indices)
     pairs = [(a, _meaning(samples, i)) for a, i in zip(said, indices, strict=True)]
     words = {
-        f"{kind}_accuracy": np.mean([a[k] == b[k] for a, b in pairs])
+        f"{kind}_accuracy": 100 * np.mean([a[k] == b[k] for a, b in pairs])
         for k, kind in enumerate(Meaning._fields)
     }
-    right = {"describe_accuracy": np.mean([a == b for a, b in pairs])}
-    return {name: round(100 * float(value), 3) for name, value in (right | words).items()}
+    right = np.array([a == b for a, b in pairs])
+    found = {"describe_accuracy": 100 * right.mean()} | words
+    found |= accuracy_by_scenes(right, samples, split)
+    return {name: round(float(value), 3) for name, value in found.items()}
 
 
 def _meaning(samples: Samples, i) -> Meaning:

@@ -145,7 +145,7 @@ CLAIMS = [
         group="Conflict",
         chapter=CONFLICT,
         heading=OWN,
-        remark="It says what the false sentence says, and hardly an answer is left.",
+        remark="Hardly an answer is left. Most mix the false words with true ones.",
         theirs=Notes(remark="It loses more than half of its answers, not a twentieth."),
     ),
     *(

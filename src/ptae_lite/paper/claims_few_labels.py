@@ -42,7 +42,7 @@ REMARKS = {  # by model, task, experiment and share: on our recording, on the au
     ("ptae", "describe", "samples", 10): (COLOUR, "The paper's number lies between our two lists."),
     ("ptae", "describe", "samples", 20): (COLOUR, ""),
     ("pgae", "describe", "samples", 50): 2 * ("It does better here.",),
-    ("pgae", "execute", "samples", 1): ("It rises, to a fifth of that.", "It rises a little."),
+    ("pgae", "execute", "samples", 1): ("It rises, to a fifth of that.", "It rises to three times its value, and stays far below that."),
     ("pgae", "execute", "samples", 66.6): 2 * ("Here it is as with all labels.",),
 }  # fmt: skip
 
