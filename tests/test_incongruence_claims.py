@@ -355,9 +355,6 @@ def test_with_the_better_step_the_remedies_do_something_else(table, costs):
                       for name in ("ptae", "ptae_two_way", "ptae_congruent"))  # fmt: skip
     says(two["repeat language"].min() > 95 and 20 < two["describe"].mean() < 40,
          "two ways: a false clip takes all, a false sentence a third (in depth)")  # fmt: skip
-    says(two["describe"].max() < one["describe"].min() - 30
-         and two["repeat language"].min() > one["repeat language"].max() + 30,
-         "in words no training of two ways is near one of the others (in depth)")  # fmt: skip
     says(true["describe"].min() > one["describe"].max()
          and single(table[table["model"] == "ptae_congruent"], "describe", "language", "action")
          < 2, "no description survives a false action word (in depth)")  # fmt: skip
@@ -394,3 +391,12 @@ def test_on_the_authors_data_the_clip_is_believed_more_but_not_always():
         of = own.loc[signal]
         says((of["format"] > 0.3).mean() > 0.5,
              "the format alone makes the motion worse (in depth)")  # fmt: skip
+    more = gaps(paid, "ptae_two_way", "execute", "repeat action") - gaps(
+        paid, "ptae", "execute", "repeat action"
+    )
+    says(len(more.dropna()) == 2 and more.dropna() > 0, "the gap grows with both two-way models")
+    says(gaps(paid, "ptae_two_way", "repeat language", "describe") > 5,
+         "in words the clip is still believed more (in depth)")  # fmt: skip
+    true = paid.loc["ptae_congruent"]
+    says(true.loc["describe", "conflict"] == 100, "gives all descriptions to the sentence")
+    says(true["format"].abs().max() < 0.1, "and the format costs nothing any more (in depth)")
