@@ -49,7 +49,7 @@ TRAINED = ("ptae", "pgae", "pvae")
 RATE, EPOCHS = Recipe().muon_lr, Recipe().epochs
 CHOICES = {
     "regular": Choice("the regular recipe", dict.fromkeys(TRAINED, {}), iterations=FEW),
-    "adam": Choice("Adam alone, with the rates that were best for it", ADAM),
+    "adam": Choice("Adam alone, with the rates that were best for it", ADAM, iterations=FEW),
     "no-decay": Choice(
         "no weight decay", dict.fromkeys(("ptae", "pgae"), {"muon_decay": 0.0}), iterations=FEW
     ),
