@@ -120,6 +120,23 @@ def test_no_choice_makes_a_clear_difference_but_of_one_clip(rows):
     assert (hears[SWAPPED] > 2 * hears["execute_nrmse"]).all()
 
 
+def test_on_the_authors_data_only_lstm_encoders_differ(theirs):
+    """And by less than a tenth of a point: a remark of the card."""
+    found = theirs.reset_index()
+    assert all((found["variant"] == name).sum() >= 3 for pair in family.CLAIMS.values()
+               for name in pair)  # fmt: skip
+    judged = family.claims(found).set_index("claim")
+    assert (judged[["describe_accuracy", "repeat_language_accuracy"]] == "neither").all(axis=None)
+    execute = judged["execute_nrmse"]
+    assert execute.pop("LSTM encoders change nothing") == "PTAE"
+    assert (execute == "neither").all()
+    error = theirs.groupby("variant")["execute_nrmse"].median()
+    assert error["PTAE, LSTM encoders"] - error["PTAE"] < 0.1
+    assert 0.8 < error["PGAE"] / error["PTAE"] < 0.95 and 0.45 < error["PVAE"] / error["PTAE"] < 0.55
+    whole = theirs[theirs["model"] == "ptae"]
+    assert (whole["describe_accuracy"] == 100).all()
+
+
 def test_frames_that_ask_do_all_tasks_and_take_twice_the_time(rows):
     asks = rows[rows["variant"] == "PTAE, action as query"]
     regular = rows[rows["variant"] == "PTAE"]
