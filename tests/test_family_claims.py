@@ -132,7 +132,9 @@ def test_on_the_authors_data_only_lstm_encoders_differ(theirs):
     assert (execute == "neither").all()
     error = theirs.groupby("variant")["execute_nrmse"].median()
     assert error["PTAE, LSTM encoders"] - error["PTAE"] < 0.1
-    assert 0.8 < error["PGAE"] / error["PTAE"] < 0.95 and 0.45 < error["PVAE"] / error["PTAE"] < 0.55
+    assert (
+        0.8 < error["PGAE"] / error["PTAE"] < 0.95 and 0.45 < error["PVAE"] / error["PTAE"] < 0.55
+    )
     whole = theirs[theirs["model"] == "ptae"]
     assert (whole["describe_accuracy"] == 100).all()
 

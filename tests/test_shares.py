@@ -113,7 +113,7 @@ def test_the_papers_numbers_stand_beside_ours(table):
 def test_a_training_stands_where_its_labels_were_shown(table):
     (axis,) = supervision_plots.by_samples_seen(table).axes
     labels = {line.get_label() for line in axis.lines}
-    assert labels == {"samples, balanced", "samples, paper", "all labels", "chance"}
+    assert labels == {"samples, balanced", "samples, once an epoch", "all labels", "chance"}
     assert {text.get_text() for text in axis.texts} == {"2", "10", "66.6"}
 
 

@@ -110,7 +110,11 @@ FEW_LABELS = [
             theirs=Notes(remark=theirs),
         )
         for share, remark, theirs in (
-            (1, "PTAE is ahead with one training of three.", "With one list both describe nothing."),
+            (
+                1,
+                "PTAE is ahead with one training of three.",
+                "With one list both describe nothing.",
+            ),
             (2, "", ""),
             (10, "", ""),
         )
@@ -129,7 +133,11 @@ FEW_LABELS = [
             theirs=Notes(remark=theirs),
         )
         for share, remark, theirs in (
-            (1, "It is at chance with one training of three.", "With one list it describes nothing."),
+            (
+                1,
+                "It is at chance with one training of three.",
+                "With one list it describes nothing.",
+            ),
             (2, "", ""),
         )
     ),

@@ -31,6 +31,13 @@ LONGER = {  # hollow marks of longer trainings: their label and size
     "long": (f"{VARIANTS['long'].times} times as long", 6),
     "paper-length": ("as long as the paper's", 9),
 }
+KINDS = {  # of trainings in `by_samples_seen`, with their labels
+    "all labels": "all labels",
+    "iterations, paper": "iterations",
+    **{f"iterations, {variant}": f"iterations, {label}" for variant, (label, _) in LONGER.items()},
+    "samples, balanced": "samples, balanced",
+    "samples, paper": "samples, once an epoch",
+}
 PAPER = "the paper's text"
 ALL_MODELS = (*(label for label, _ in LONGER.values()), PAPER)  # in each one's colour
 PAPERS = (  # the three figures of the paper
@@ -67,14 +74,16 @@ def by_samples_seen(table: pd.DataFrame) -> Figure:
     The numbers are shares in percent, where there is room for them. Only variants in which the
     number of labels, or of their uses, is all that differs are shown.
     """
-    mine = table[(table["model"] == "ptae") & table["variant"].isin(["balanced", "paper", *LONGER])]
+    mine = table[table["model"] == "ptae"]
     regular = mine["share"] == mine["mode"].map(REGULAR)
     kind = (mine["mode"] + ", " + mine["variant"]).mask(regular, "all labels")
     figure, axis = plt.subplots(figsize=(style.WIDTH, 4.6))
     points, free = ["supervised_samples_seen", "describe_accuracy"], []
-    for (name, rows), mark in zip(mine.groupby(kind), "os^Dv<>p", strict=False):
-        full = "full" if name == "all labels" else "none"
-        axis.plot(*(rows[column] for column in points), mark, fillstyle=full, label=name)
+    for k, (name, label) in enumerate(KINDS.items()):
+        rows, full = mine[kind == name], "full" if name == "all labels" else "none"
+        if len(rows):
+            axis.plot(*(rows[column] for column in points), "os^vD<"[k], color=f"C{k}",
+                      fillstyle=full, label=label)  # fmt: skip
         for share, own in () if name == "all labels" else rows.groupby("share"):
             x, y = own[points].mean()
             if all(abs(np.log(x / u)) > 0.25 or abs(y - v) > 5 for u, v in free):
