@@ -344,6 +344,8 @@ def test_in_motion_the_asymmetry_stays_and_both_costs_are_smaller(table, costs):
     for signal in MOTIONS:
         says(own[signal].mean() < was[signal].mean(), "and both costs are smaller (05)")
     rows = table[table["model"] == "ptae"]
+    false = rows[(rows["signal"] == "describe") & (rows["conflicts"] == 3)]
+    says(false["mixture"] > 50, "most answers mix the false words with true ones (card)")
     for aspect in ("action", "position"):
         says(single(rows, "execute", "action", "speed").mean()
              > single(rows, "execute", "action", aspect).mean(),

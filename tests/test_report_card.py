@@ -125,6 +125,13 @@ def test_the_verdicts_are_those_of_the_page(card):
     pd.testing.assert_frame_equal(card.set_index("claim")[list(pinned)], pinned)
 
 
+def test_half_of_the_claims_in_words_held_and_fewer_of_the_numbers():
+    """The summary of chapter 07, on our recording."""
+    rows = report_card.measured(report_card.stored(), report_card.stored("authors"))
+    held = rows["verdict"].isin([HELD, CAVEAT]).groupby(rows["paper"].isna()).mean()
+    assert held[False] < held[True] and 0.45 < held[True] < 0.6
+
+
 def test_a_claim_that_did_not_hold_or_has_a_caveat_says_why(card):
     for suffix in ("", "_theirs"):
         told = card[card[f"verdict{suffix}"].isin([CAVEAT, NOT_HELD, NOT_TESTABLE])]
