@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from ptae_lite.errors import ConfigError
+from ptae_lite.models import ADAM
 
 SHARES = {  # percent: of the 648 training samples, and of the updates
     "samples": (1, 2, 5, 10, 20, 50, 66.6, 100),
@@ -43,6 +44,9 @@ VARIANTS = {
     "long": Variant({"balanced": False}, times=8),  # as `paper`
     # as many samples shown as in the paper's training of PTAE
     "paper-length": Variant({"balanced": False}, times=31),
+    # the same two with Adam alone, which describes more where labels come seldom (`recipes`)
+    "adam": Variant(ADAM["ptae"] | {"balanced": False}),
+    "adam-paper-length": Variant(ADAM["ptae"] | {"balanced": False}, times=31),
 }
 DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
@@ -100,10 +104,12 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
         more("ptae", "samples", "covering", seed, 1, 2, 5)
         more("ptae", "samples", "shuffled-scenes", seed, 2, 10, 50)
         more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
+        more("ptae", "iterations", "adam", seed, 1, 2, 10)
     if not core:
         for model in ("ptae", "pgae"):
             more(model, "iterations", "long", seeds[0], 1, 2)  # an hour of a core for each model
-        more("ptae", "iterations", "paper-length", seeds[0], 1)  # an hour and a half
+        for variant in ("paper-length", "adam-paper-length"):
+            more("ptae", "iterations", variant, seeds[0], 1)  # an hour and a half
     return list(dict.fromkeys(map(_once, found)))
 
 
