@@ -17,7 +17,7 @@ from ptae_lite.data import batches
 from ptae_lite.data.signals import SUPERVISED, signal_index, signal_number
 from ptae_lite.errors import ConfigError
 from ptae_lite.evaluation import evaluate
-from ptae_lite.experiments import labels, supervision, supervision_grid, tables
+from ptae_lite.experiments import labels, recipes, supervision, supervision_grid, tables
 from ptae_lite.experiments.supervision_grid import Job
 from ptae_lite.language import alternatives, parse, patterns
 from ptae_lite.models import MODELS, PVAE
@@ -213,6 +213,13 @@ def test_a_training_can_be_as_long_as_the_papers(few):
     assert shown / (reported.STEPS["ptae"] * reported.BATCH) == pytest.approx(1, abs=0.01)
 
 
+@pytest.mark.parametrize(("variant", "times"), [("adam", 1), ("adam-long", 8)])
+def test_few_iterations_can_have_adam_alone(few, variant, times):
+    asked = supervision.experiment_of(few, job(1, mode="iterations", variant=variant)).recipe
+    ours = recipes.recipe_of("ptae", "adam")  # the choice that was compared on held-out patterns
+    assert asked == replace(ours, epochs=ours.epochs * times, balanced=False, supervised=0.01)
+
+
 @pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
 def test_with_all_labels_it_is_the_regular_training(few, small, small_configs, model):
     recipe = Recipe(epochs=1, batch=8)
@@ -331,7 +338,7 @@ def test_the_regular_training_is_found_by_either_of_its_names():
     regular = [job(100, variant="paper")]
     for mode, share in (("iterations", 66.6), ("samples", 100)):
         assert supervision_grid.select(grid, model=["ptae"], mode=[mode], share=[share]) == regular
-    assert len(supervision_grid.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 3
+    assert len(supervision_grid.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 8
 
 
 @pytest.mark.parametrize("chosen", [{"model": ["pvae"], "mode": ["iterations"]},
