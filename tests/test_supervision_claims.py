@@ -387,13 +387,12 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
     often = mean(theirs, "ptae", "iterations")
     finding(often.loc[10:].min() > 99.5, *where, "every clip from a tenth of the iterations on")
     lists = listed(theirs, "ptae")
-    assert (lists.groupby("share").size() == 2).all()
+    assert (lists.groupby("share").size() == 3).all()
     finding(min(lists[s].min() for s in (20, 50, 66.6)) > 99, *where, "nothing lost from a fifth")
     paper = reported.BY_SHARE["ptae", DESCRIBE, "samples"][10].value
-    finding(lists[10].min() < paper < lists[10].max(), *where, "the paper's number lies between")
-    finding(
-        lists[1].min() < CHANCE + 1 and lists[1].max() < 20, *where, "near chance with one list"
-    )
+    finding((lists[10] > paper).sum() == 2, *where, "two of three come out above the paper's")
+    others = lists[1].drop(lists[1].idxmin())
+    finding(lists[1].min() < 1 and others.between(10, 14).all(), *where, "nothing, and an eighth")
     assert (lists[1] < CHANCE + 1).sum() == 1  # a reason in the card
     linear, pgae = mean(theirs, "linear", variant="random"), mean(theirs, "pgae")
     finding(lists[10].mean() > linear[10] + 8, *where, "the baseline is behind with a tenth")
@@ -406,8 +405,11 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
     few = mean(theirs, "ptae", "iterations")
     finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and about half")
     gap = (listed(theirs, "ptae") - listed(theirs, "pgae")).dropna()
-    assert gap[[2, 10]].groupby("share").size().min() == 2
-    finding(gap[[2, 10]].min() > 0, *where, "PGAE describes less with thirteen labels and a tenth")
+    assert gap[[2, 10]].groupby("share").size().min() == 3
+    finding(gap[[5, 10, 20]].min() > 0, *where, "PGAE describes less from a twentieth on")
+    assert (
+        gap[10].min() > 10 and (gap[2] > 0).sum() == 2
+    )  # the card: far better; two lists of three
     errors = {model: mean(theirs, model, column=EXECUTE) for model in ("ptae", "pgae")}
     above = [errors["ptae"][share] > errors["pgae"][share] for share in (1, 2)]
     finding(all(above) and errors["ptae"][1] < 2, *where, "PTAE's error is above PGAE's")
@@ -427,6 +429,29 @@ def test_held_out_patterns_choose_the_regular_recipe():
         "How a recipe is chosen",
         "about half the error on held-out patterns",
     )
+
+
+def test_on_the_test_clips_adam_alone_describes_more_too(table, theirs):
+    where = OFTEN_PAGE, "The test clips, with Adam alone"
+
+    def of(rows, variant, column=DESCRIBE):
+        mine = rows[(rows["model"] == "ptae") & (rows["mode"] == "iterations")]
+        return mine[mine["variant"] == variant].groupby("share")[column].agg(["mean", "min", "max"])
+
+    for data, shares in ((table, [1, 2, 10]), (theirs, [1, 2])):
+        adam, regular = of(data, "adam").loc[shares], of(data, "paper").loc[shares]
+        finding((adam["mean"] > regular["mean"] + 3).all(), *where, "describes more")
+    long = of(theirs, "adam-long")["min"]
+    finding(95 < long[1] < 98 and long[2] == 100, *where, "it misses a few, and with 2 % none")
+    ours = of(table, "adam").loc[[1, 2]]
+    finding((ours["max"] < 70).all(), *where, "far below the paper's level on our recording")
+    colours, other = (of(table, "adam", c)["mean"] for c in (WORDS[1], WORDS[0]))
+    finding((colours < other - 10).all(), *where, "what is lost there is the colour")
+    error = {name: of(theirs, name, EXECUTE)["mean"] for name in ("adam", "adam-long", "paper")}
+    times = (error["adam"] / error["paper"]).dropna()
+    finding(times.between(2.5, 6.5).all(), *where, "three to six times the error")
+    shorter = error["paper"][error["adam-long"].index]
+    finding((error["adam-long"] < shorter).all(), *where, "after the longer training, the smaller")
 
 
 def test_how_many_uses_are_enough_depends_on_the_recording(table, theirs):
@@ -449,9 +474,9 @@ def test_how_many_uses_are_enough_depends_on_the_recording(table, theirs):
     finding(whole[DESCRIBE] < once.min() - 10, *where, "fewer than the short ones")
     finding((whole[words] == 100).all(), *where, "all its actions and speeds are right, too")
     finding(whole["colour_accuracy"] < 100 / 6, *where, "colours right less often than by guessing")
-    assert (tenth[words] == 100).all(axis=None) and abs(
-        tenth["colour_accuracy"].mean() - 80
-    ) < 3  # the card
+    tenth = ours[(ours["share"] == 10) & (ours["variant"] == "adam")]
+    assert (tenth[words] == 100).all(axis=None)
+    assert (abs(tenth["colour_accuracy"] - 100 * 6 / 7) < 1).all()  # "each seventh", in the card
     seldom = listed(table, "ptae", "iterations"), only(table, "paper")
     ahead = {share: seldom[0][share].mean() - seldom[1][share].mean() for share in (2, 10)}
     finding(min(ahead.values()) > 3, *where, "every clip is ahead of few, once an epoch")

@@ -27,22 +27,19 @@ NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear basel
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
 MAIN = {"samples": ("balanced", "random"), "iterations": ("paper",)}  # variants in the figures
-TIMES = VARIANTS["long"].times
-OTHERS = {  # further trainings with few iterations: their label, mark (None: the model's) and size
-    "long": (f"{TIMES} times as long", None, 6),
-    "paper-length": ("as long as the paper's", None, 9),
-    "adam": ("Adam alone", "x", 6),
-    "adam-long": (f"Adam alone, {TIMES} times as long", "X", 9),
+LONGER = {  # hollow marks of longer trainings: their label and size
+    "long": (f"{VARIANTS['long'].times} times as long", 6),
+    "paper-length": ("as long as the paper's", 9),
 }
 KINDS = {  # of trainings in `by_samples_seen`, with their labels
     "all labels": "all labels",
     "iterations, paper": "iterations",
-    **{f"iterations, {variant}": f"iterations, {label}" for variant, (label, *_) in OTHERS.items()},
+    **{f"iterations, {variant}": f"iterations, {label}" for variant, (label, _) in LONGER.items()},
     "samples, balanced": "samples, balanced",
     "samples, paper": "samples, once an epoch",
 }
 PAPER = "the paper's text"
-ALL_MODELS = (*(label for label, *_ in OTHERS.values()), PAPER)  # in each one's colour
+ALL_MODELS = (*(label for label, _ in LONGER.values()), PAPER)  # in each one's colour
 PAPERS = (  # the three figures of the paper
     ("describe_accuracy", "iterations"), ("describe_accuracy", "samples"),
     ("execute_nrmse", "samples"),
@@ -60,8 +57,8 @@ def by_share(table: pd.DataFrame) -> Figure:
     """The paper's figures: describe by iterations and by samples, execute by samples.
 
     A point is the mean over the seeds, and its bar goes from the worst to the best of them; one
-    seed has no bar. Hollow marks and crosses are longer trainings, and those with Adam alone.
-    Triangles are the numbers in the paper's text, in the model's colour.
+    seed has no bar. Hollow marks are the longer trainings. Triangles are the numbers in the paper's
+    text, in the model's colour.
     """
     figure, axes = plt.subplots(3, 1, figsize=(style.WIDTH, 7.6))
     for axis, (column, mode) in zip(axes, PAPERS, strict=True):
@@ -85,7 +82,7 @@ def by_samples_seen(table: pd.DataFrame) -> Figure:
     for k, (name, label) in enumerate(KINDS.items()):
         rows, full = mine[kind == name], "full" if name == "all labels" else "none"
         if len(rows):
-            axis.plot(*(rows[column] for column in points), "os^vxXD<"[k], color=f"C{k}",
+            axis.plot(*(rows[column] for column in points), "os^vD<"[k], color=f"C{k}",
                       fillstyle=full, label=label)  # fmt: skip
         for share, own in () if name == "all labels" else rows.groupby("share"):
             x, y = own[points].mean()
@@ -111,11 +108,11 @@ def draw_measure(axis: Axes, table: pd.DataFrame, column: str, mode: str) -> Non
             axis.errorbar(found.index, found["mean"], yerr=bars, color=colour, linestyle=dash,
                           marker=mark, markersize=4, capsize=2, label=NAMES[model])  # fmt: skip
         own = table[(table["model"] == model) & (table["mode"] == mode)]
-        for variant, (label, look, size) in OTHERS.items():
-            other = own[own["variant"] == variant].groupby("share")[column].mean()
-            if len(other):
-                axis.plot(other, look or mark, color=colour, fillstyle="none", linestyle="",
-                          markersize=size, label=label)  # fmt: skip
+        for variant, (label, size) in LONGER.items():
+            longer = own[own["variant"] == variant].groupby("share")[column].mean()
+            if len(longer):
+                axis.plot(longer, mark, color=colour, fillstyle="none", markersize=size,
+                          label=label)  # fmt: skip
         paper = reported.BY_SHARE.get((model, column, mode))
         if paper:
             axis.plot(list(paper), [claim.value for claim in paper.values()], "^", color=colour,
