@@ -1,5 +1,8 @@
 """What chapter 03 says of the family, held against the stored tables."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,6 +18,7 @@ from ptae_lite.experiments import family, incongruence
 from ptae_lite.language import VOCABULARY, patterns, sentence
 from ptae_lite.paper import reported
 
+BOOK = Path(__file__).resolve().parents[1] / "book"
 MODELS_OF_PAPER = ("PTAE", "PGAE", "PVAE")
 ELDERS = ("PRAE", "PGAE", "PVAE")
 SWAPPED = "execute_speed_word_swapped"
@@ -319,3 +323,10 @@ def test_of_the_words_of_execute_only_the_action_word_matters(asked, rows):
     assert error["colour"] < 1.05 * own["execute_nrmse"]
     assert own["execute_speed_word_swapped"] < 1.05 * own["execute_nrmse"]  # and chapter 06:
     assert error["padding"] > 3 * own["execute_nrmse"]
+
+
+def test_the_readers_own_model_describes_about_a_quarter():
+    """The key result of "Training, for a moment"; another processor moves it a little."""
+    twin = (BOOK / "03_crossmodal_transformer.ipynb").read_text(encoding="utf-8")
+    (described,) = re.findall(r"described right: (\d+) % of the test clips", twin)
+    assert 20 <= int(described) <= 32
