@@ -213,7 +213,9 @@ def test_a_training_can_be_as_long_as_the_papers(few):
     assert shown / (reported.STEPS["ptae"] * reported.BATCH) == pytest.approx(1, abs=0.01)
 
 
-@pytest.mark.parametrize(("variant", "times"), [("adam", 1), ("adam-long", 8)])
+@pytest.mark.parametrize(
+    ("variant", "times"), [("adam", 1), ("adam-long", 8), ("adam-paper-length", 31)]
+)
 def test_few_iterations_can_have_adam_alone(few, variant, times):
     asked = supervision.experiment_of(few, job(1, mode="iterations", variant=variant)).recipe
     ours = recipes.recipe_of("ptae", "adam")  # the choice that was compared on held-out patterns
@@ -338,7 +340,7 @@ def test_the_regular_training_is_found_by_either_of_its_names():
     regular = [job(100, variant="paper")]
     for mode, share in (("iterations", 66.6), ("samples", 100)):
         assert supervision_grid.select(grid, model=["ptae"], mode=[mode], share=[share]) == regular
-    assert len(supervision_grid.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 8
+    assert len(supervision_grid.select(grid, model=["ptae"], mode=["iterations"])) == 6 + 9
 
 
 @pytest.mark.parametrize("chosen", [{"model": ["pvae"], "mode": ["iterations"]},

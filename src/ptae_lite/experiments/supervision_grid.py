@@ -47,6 +47,7 @@ VARIANTS = {
     # as `paper` and `long`, with Adam alone: it describes more where labels come seldom (`recipes`)
     "adam": Variant(ADAM["ptae"] | {"balanced": False}),
     "adam-long": Variant(ADAM["ptae"] | {"balanced": False}, times=8),
+    "adam-paper-length": Variant(ADAM["ptae"] | {"balanced": False}, times=31),
 }
 DRAWN = {"covering": "covering", "pseudo-labels": "pseudo"}  # else random
 
@@ -109,7 +110,9 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
         for model in ("ptae", "pgae"):
             more(model, "iterations", "long", seeds[0], 1, 2)  # an hour of a core for each model
         more("ptae", "iterations", "adam-long", seeds[0], 1, 2)
-        more("ptae", "iterations", "paper-length", seeds[0], 1)  # an hour and a half
+        # an hour and a half each
+        more("ptae", "iterations", "paper-length", seeds[0], 1)
+        more("ptae", "iterations", "adam-paper-length", seeds[0], 1)
     return list(dict.fromkeys(map(_once, found)))
 
 

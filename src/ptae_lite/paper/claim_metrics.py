@@ -23,7 +23,7 @@ from ptae_lite.paper import reported
 MARGIN = {"%": 2.0, "% NRMSE": 0.5}  # ours agrees with a number if it is worse by this or less
 # Variants of few iterations, the first that is there counts: the recipe that was better on held-out
 # patterns, then the longest.
-BEST_FIRST = ("adam-long", "adam", "paper-length", "long", "paper")
+BEST_FIRST = ("adam-paper-length", "adam-long", "adam", "paper-length", "long", "paper")
 SEPARATED, PLAIN = "separated 3x10", "plain 10"
 IN_WORDS = "in words"  # stands for the paper's number if it gives none
 
