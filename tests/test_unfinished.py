@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import torch
 
-from ptae_lite import training, unfinished
+from ptae_lite import training, unfinished, vision
 from ptae_lite.errors import ArtefactError, TrainingError
 from ptae_lite.models import checkpoint
 from ptae_lite.recipe import Recipe
@@ -101,12 +101,41 @@ def test_a_loss_that_is_no_number_stops_with_a_sentence(few, tiny):
         training.train(few, recipe, config=tiny)
 
 
+@pytest.mark.parametrize("kind", ["plain", "separated"])
+def test_a_stopped_autoencoder_goes_on_to_the_same_bits(tmp_path, at_once, kind):
+    images = np.random.default_rng(0).integers(0, 256, (6, 120, 160, 3), dtype=np.uint8)
+    recipe, state = vision.AutoencoderRecipe(steps=6, batch=2, seed=3), tmp_path / "state"
+
+    def trained(end=99, images=images, recipe=recipe, **options):
+        encoder = vision.make_autoencoder(kind)
+
+        def steps(numbers):
+            for number in numbers:
+                if number == end:
+                    raise Stopped
+                yield number
+
+        losses = vision.train_autoencoder(encoder, images, recipe, steps, **options)
+        return encoder.state_dict(), losses
+
+    whole, losses = trained()
+    for end in (2, 3, 5):
+        with pytest.raises(Stopped):
+            trained(end, unfinished=state)
+    parts, again = trained(unfinished=state)
+    assert losses == again and len(losses) == 6
+    assert all(torch.equal(whole[name], parts[name]) for name in whole)
+    for other in ({"images": images[:5]}, {"recipe": replace(recipe, seed=4)}):
+        with pytest.raises(ArtefactError, match="another training"):
+            trained(unfinished=state, **other)
+
+
 KILLED = """
     import sys, time
     import torch
     torch.set_num_threads(1)
     from pathlib import Path
-    from ptae_lite import training, unfinished
+    from ptae_lite import training, unfinished, vision
     from ptae_lite.data.samples import load_samples
     from ptae_lite.models import checkpoint
     from ptae_lite.models.ptae import PTAEConfig

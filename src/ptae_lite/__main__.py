@@ -97,7 +97,7 @@ def do_train(options) -> dict:
         split="fit" if options.held_out else "train",
         labels=Labels() if options.labelled is None else Labels("random", options.labelled),
     )  # fmt: skip
-    state = Path(f"{options.out}.unfinished")  # a training that was stopped goes on from it
+    state = _state_file(options.out)
     trained = asked.fit(
         samples, unfinished=state, device=options.device,
         progress=lambda epochs: bar(epochs, desc=options.model.upper(), unit=" epochs"),
@@ -108,6 +108,11 @@ def do_train(options) -> dict:
     scores = evaluate(trained, samples, "held_out") if options.held_out else {}
     made = {"weights": str(options.out), "steps": trained.about["steps"]}
     return made | _rounded(scores) | caution(samples)
+
+
+def _state_file(out) -> Path:
+    """The file from which a training that was stopped goes on."""
+    return Path(f"{out}.unfinished")
 
 
 def settings(model: str, given) -> dict:
@@ -160,11 +165,13 @@ def _train_autoencoder(options) -> dict:
         recipe = vision.AutoencoderRecipe(seed=options.seed, steps=options.steps)
     encoder = vision.make_autoencoder(CAES[options.model], options.code)
     images = frames.training_images(options.data)
+    state = _state_file(options.out)
     losses = vision.train_autoencoder(
-        encoder, images, recipe, device=options.device,
+        encoder, images, recipe, device=options.device, unfinished=state,
         progress=lambda steps: bar(steps, desc="CAE", unit=" steps"),
     )  # fmt: skip
     vision.save_autoencoder(options.out, encoder, recipe)
+    state.unlink(missing_ok=True)
     return {"weights": str(options.out), "loss": round(sum(losses[-100:]) / len(losses[-100:]), 4)}
 
 

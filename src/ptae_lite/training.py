@@ -128,7 +128,7 @@ def train(
             record = record.after_epoch(sums / batches.count, supervised, seconds)
             network.eval()
             record = record.with_watched(on_epoch(epoch, Trained(network, scaling, asdict(record))))
-            state.save(epoch, network, optimiser, batches.rng, record)
+            state.save(epoch, network, optimiser, asdict(record), batches.rng)
     return Trained(network.to("cpu").eval(), scaling, asdict(record))
 
 

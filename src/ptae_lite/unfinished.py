@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import asdict
 from pathlib import Path
 
 import torch
@@ -28,8 +27,14 @@ class Unfinished:
         self.training = json.loads(json.dumps(training))
         self.saved = time.monotonic()
 
-    def save(self, epoch: int, network, optimiser, rng, record) -> None:
-        """Write the state after an epoch, unless it was written within `EVERY_S`."""
+    def save(self, done: int, network, optimiser, record: dict, rng=None) -> None:
+        """Write the state, unless it was written within `EVERY_S`.
+
+        Args:
+            done: epochs, or steps, that are done.
+            record: of them, as JSON can hold it.
+            rng: NumPy's generator; None if the training draws from no lasting one.
+        """
         if self.path is None or time.monotonic() < self.saved + EVERY_S:
             return
         tensors, plain = _taken_apart(optimiser.state_dict())
@@ -39,13 +44,13 @@ class Unfinished:
         if torch.cuda.is_available():
             tensors["cuda"] = torch.cuda.get_rng_state()
         artefacts.save_weights(self.path, tensors, {
-            "training": self.training, "epoch": epoch, "optimiser": plain,
-            "numpy": rng.bit_generator.state, "record": asdict(record),
+            "training": self.training, "done": done, "optimiser": plain, "record": record,
+            "numpy": None if rng is None else rng.bit_generator.state,
         })  # fmt: skip
         self.saved = time.monotonic()
 
-    def load(self, network, optimiser, rng) -> tuple[int, dict]:
-        """Go back to the saved state; the epochs that are done, and the record of them.
+    def load(self, network, optimiser, rng=None) -> tuple[int, dict]:
+        """Go back to the saved state; what is done, and the record of it.
 
         Raises:
             ArtefactError: the file is of another training, or of none.
@@ -64,11 +69,12 @@ class Unfinished:
                 parts[part][rest] = tensor
         network.load_state_dict(parts["model"])
         optimiser.load_state_dict(_put_together(parts["optimiser"], about["optimiser"]))
-        rng.bit_generator.state = about["numpy"]
+        if rng is not None:
+            rng.bit_generator.state = about["numpy"]
         torch.set_rng_state(tensors["torch"])
         if "cuda" in tensors and torch.cuda.is_available():
             torch.cuda.set_rng_state(tensors["cuda"])
-        return about["epoch"], about["record"]
+        return about["done"], about["record"]
 
 
 def _taken_apart(state, name: str = "") -> tuple[dict, object]:

@@ -13,7 +13,6 @@ import time
 from dataclasses import asdict, dataclass, field
 from typing import NamedTuple
 
-import torch
 from torch import nn
 
 from ptae_lite import artefacts, devices, vision
@@ -139,7 +138,7 @@ class LongTraining(EncoderTraining):
         """Write the weights and the optimiser's state."""
         training = trained.training
         tensors = {f"encoder.{name}": x for name, x in training.encoder.state_dict().items()}
-        for i, memory in training.optimiser.state_dict()["state"].items():
+        for i, memory in training.state_dict()["state"].items():
             tensors |= {f"memory.{i}.{name}": value for name, value in memory.items()}
         about = trained.about | {"kind": "training of an encoder", "recipe": asdict(self.recipe)}
         artefacts.save_weights(path, tensors, about)
@@ -158,11 +157,6 @@ class LongTraining(EncoderTraining):
         training = self.start()
         with artefacts.fits_itself(path):
             training.encoder.load_state_dict(weights)
-            for i, weight in enumerate(training.encoder.parameters()):
-                for what in ("exp_avg", "exp_avg_sq"):  # Adam's fused step takes them as they lie
-                    laid_out_as_weight = torch.empty_like(weight.detach())
-                    memory[i][what] = laid_out_as_weight.copy_(memory[i][what])
-        state = training.optimiser.state_dict()
-        training.optimiser.load_state_dict(state | {"state": memory})
+            training.load_state_dict(training.state_dict() | {"state": memory})
         training.step = about["recipe"]["steps"]
         return TrainedEncoder(training.encoder, about, training)

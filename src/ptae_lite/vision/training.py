@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,7 @@ from torch.nn import functional
 
 from ptae_lite import devices
 from ptae_lite.errors import ConfigError
+from ptae_lite.unfinished import Unfinished
 from ptae_lite.vision.features import as_input
 
 
@@ -110,7 +111,7 @@ class AutoencoderTrainer:
         )
 
     def go(self, images, until: int, steps: int | None = None, *, value: bool = True,
-           progress=lambda steps: steps) -> list[float]:  # fmt: skip
+           progress=lambda steps: steps, on_step=lambda loss: None) -> list[float]:  # fmt: skip
         """Train up to step `until`, and return the losses of these steps.
 
         Args:
@@ -118,6 +119,7 @@ class AutoencoderTrainer:
             steps: length of the whole training; None means that the rate does not fall yet.
             value: without it the losses are not computed, and zeros are returned.
             progress: wraps the iterator over steps, as `tqdm` does.
+            on_step: is called with the loss after each step.
         """
         losses, update = [], devices.Replayed(partial(self._update, value=value))
         with devices.whole_float32():
@@ -129,7 +131,20 @@ class AutoencoderTrainer:
                 loss = update(x)
                 losses.append(loss.item() if value else 0.0)
                 self.step = step + 1
+                on_step(losses[-1])
         return losses
+
+    def state_dict(self) -> dict:
+        """The optimiser's state."""
+        return self.optimiser.state_dict()
+
+    def load_state_dict(self, state: dict) -> None:
+        """Take over an optimiser's state."""
+        self.optimiser.load_state_dict(state)
+        for weight, memory in self.optimiser.state.items():
+            for what in ("exp_avg", "exp_avg_sq"):  # Adam's fused step takes them as they lie
+                laid_out_as_weight = torch.empty_like(weight.detach())
+                memory[what] = laid_out_as_weight.copy_(memory[what])
 
     def _update(self, x, value: bool):
         """One step on a batch; returns its loss."""
@@ -153,6 +168,7 @@ def train_autoencoder(
     recipe: AutoencoderRecipe = AutoencoderRecipe(),
     progress=lambda steps: steps,
     device: str = "cpu",
+    unfinished=None,
 ) -> list[float]:
     """Train on random batches of `images` by pixel-wise cross-entropy, and return the loss of each
     step.
@@ -165,8 +181,25 @@ def train_autoencoder(
             them batch by batch.
         progress: wraps the iterator over steps, as `tqdm` does.
         device: where the training runs, such as `cpu` or `cuda`.
+        unfinished: a file that keeps the state of the training every ten minutes. If it is there,
+            the training goes on from it, to the same weights. It stays when the training is done.
+
+    Raises:
+        ArtefactError: `unfinished` is the state of another training.
     """
     training = AutoencoderTrainer(encoder, recipe, device)
-    losses = training.go(images, recipe.steps, recipe.steps, progress=progress)
+    some = np.linspace(0, len(images) - 1, 8).astype(int)
+    state = Unfinished(unfinished, asdict(recipe) | {
+        "model": type(encoder).__name__, "code": encoder.code,
+        "images": [len(images), int(np.asarray(images[some], dtype=int).sum())],
+    })  # fmt: skip
+    training.step, record = state.load(encoder, training)
+    losses = record.get("losses", [])
+
+    def keep(loss: float) -> None:
+        losses.append(loss)
+        state.save(training.step, encoder, training, {"losses": losses})
+
+    training.go(images, recipe.steps, recipe.steps, progress=progress, on_step=keep)
     encoder.to("cpu").zero_grad()  # the last gradients take as much memory as the weights
     return losses
