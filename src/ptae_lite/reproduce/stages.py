@@ -166,15 +166,18 @@ STAGES = (
           "--models watching one_look_policy frozen recorded_only eighth blind_on_clips "
           "moves_only noise_only --out {out}/results", {}, 28, least_seeds=3, simulator=True,
           leaves=("weights/watching_recorded_only_fit_seed0.safetensors",)),
+    Stage("planners of open eyes", "ptae_lite study watching --split test --workers 2 "
+          "--models planner unaware --clips {out}/corrections --out {out}/results", {}, 9,
+          least_seeds=3, simulator=True),  # `disturbances` already runs them in most of the scenes
     Stage("open eyes", "ptae_lite study watching --split test --workers 2 --seeds {seeds} "
-          "--models watching one_look_policy planner unaware "
+          "--models watching one_look_policy "
           "--clips {out}/corrections --weights {out}/weights --out {out}/results", {
         "results/watching.csv": table(
             [*watching.KEY, "pattern", "variation"], {"^success$": (0, 0)}, 0.7),
         "results/watching_models.csv": table(watching.KEY[:3], SCORED, 0.8),
         "results/watching_episodes.npz": episodes(0.7),
         "results/corrected_strips.npz": STRIPS,
-        "weights/watching_seed0.safetensors": SCORES}, 12, 14, simulator=True),
+        "weights/watching_seed0.safetensors": SCORES}, 3, 14, simulator=True),
     Stage("book", "ptae_lite.book.site --out {out}", minutes=3,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip
