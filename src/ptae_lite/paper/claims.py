@@ -23,7 +23,8 @@ from ptae_lite.paper.claim_metrics import (
 )
 from ptae_lite.paper.claims_few_labels import FEW_LABELS
 
-EYE, CONFLICT, DEPTH = "02_vision", "05_incongruence", "in_depth/03_family"
+EYE, DEPTH = "02_vision", "in_depth/03_family"
+CONFLICT, APART = "05_incongruence", "in_depth/05_conflict"
 FAMILY, CHOICES = "The family, side by side", "Which of its choices matter?"
 OWN, REMEDIES = "The model of chapter 03", "The remedies, with the better step"
 REGULAR = reported.REGULAR
@@ -109,8 +110,8 @@ CLAIMS = [
         "points of NRMSE",
         chapter=DEPTH,
         heading=CHOICES,
-        remark="With it and without, describe and execute are the same.",
-        theirs=Notes(remark="With it and without, describe and execute are the same."),
+        remark="Without it, describe has two clips more, and execute is the same.",
+        theirs=Notes(remark="Without it, describe has two clips more, and execute is the same."),
     ),
     *(
         ClaimTest(
@@ -146,7 +147,7 @@ CLAIMS = [
         reported.CONFLICTS["describe"][3],
         under("describe", 3),
         group="Conflict",
-        chapter=CONFLICT,
+        chapter=APART,
         heading=OWN,
         remark="Hardly an answer is left. Most mix the false words with true ones.",
         theirs=Notes(remark="It loses more than half of its answers, not a twentieth."),
@@ -157,7 +158,7 @@ CLAIMS = [
             reported.CONFLICTS["repeat language"][count],
             under("repeat language", count),
             group="Conflict",
-            chapter=CONFLICT,
+            chapter=APART,
             heading=OWN,
             remark=f"In words our model believes the sentence: {ours} of the answers are left.",
             theirs=Notes(remark=theirs),
@@ -174,7 +175,7 @@ CLAIMS = [
         under("execute", 3),
         "% NRMSE",
         group="Conflict",
-        chapter=CONFLICT,
+        chapter=APART,
         heading=OWN,
         remark="It rises to more than four times. Two trainings of five reach the margin.",
         theirs=Notes(remark="It rises to many times its value, and stays below the paper's."),
@@ -185,7 +186,7 @@ CLAIMS = [
         under("repeat action", 3),
         "% NRMSE",
         group="Conflict",
-        chapter=CONFLICT,
+        chapter=APART,
         heading=OWN,
         remark="It starts lower, and rises by more than half a point.",
         theirs=Notes(caveat="It starts at a quarter of the paper's, and rises to three times."),
@@ -227,7 +228,7 @@ CLAIMS = [
         ],
         always,
         "points less gap in motion with two ways",
-        "in_depth/05_conflict",
+        APART,
         REMEDIES,
         remark="With two trainings of three the gap grows. With Adam alone it shrank with all.",
         theirs=Notes(remark="With both trainings the gap grows."),
@@ -240,7 +241,7 @@ CLAIMS = [
             part_of_harm(signal, place),
             lambda found, _: bool(((found > 0) & (found < 100)).all()),
             "% of the harm of both",
-            "in_depth/05_conflict",
+            APART,
             OWN,
             remark="Alone, it does hardly any harm.",
         )
