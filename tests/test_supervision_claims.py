@@ -406,6 +406,11 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
         *where,
         "PGAE describes more than the paper says with half",
     )
+    ptae, pvae = listed(theirs, "ptae"), listed(theirs, "pvae")
+    assert pvae[10].size == 3
+    where_pvae = (*where, "PVAE: as good as any with half, close with a fifth")
+    finding(pvae[50].min() > 98.5 and pvae[20].mean() > ptae[20].mean() - 5, *where_pvae)
+    finding(pgae[10] + 10 < pvae[10].mean() < ptae[10].mean() - 3, *where, "PVAE with a tenth")
     few = mean(theirs, "ptae", "iterations")
     finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and about half")
     gap = (listed(theirs, "ptae") - listed(theirs, "pgae")).dropna()
@@ -455,6 +460,8 @@ def test_on_the_test_clips_adam_alone_describes_more_too(table, theirs):
     finding(times.between(2.5, 4.5).all(), *where, "three to four times the error")
     shorter = error["paper"][error["adam-long"].index]
     finding((error["adam-long"] < shorter).all(), *where, "after the longer training, the smaller")
+    whole = of(theirs, "adam-paper-length")["min"], of(theirs, "adam-paper-length", EXECUTE)["min"]
+    finding(whole[0][1] == 100 and whole[1][1] < 0.1, *where, "the longest misses none")
 
 
 def test_how_many_uses_are_enough_depends_on_the_recording(table, theirs):
