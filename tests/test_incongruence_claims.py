@@ -393,6 +393,9 @@ def test_on_the_authors_data_the_clip_is_believed_more_but_not_always():
         of = own.loc[signal]
         says((of["format"] > 0.3).mean() > 0.5,
              "the format alone makes the motion worse (in depth)")  # fmt: skip
+    clear = own.loc["execute"].query("format > 0.3")
+    says((clear["format"] / clear["conflict"]).between(0.65, 0.82).all(),
+         "execute loses about three quarters as much to a true clip (in depth)")  # fmt: skip
     more = gaps(paid, "ptae_two_way", "execute", "repeat action") - gaps(
         paid, "ptae", "execute", "repeat action"
     )

@@ -406,11 +406,9 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
         *where,
         "PGAE describes more than the paper says with half",
     )
-    ptae, pvae = listed(theirs, "ptae"), listed(theirs, "pvae")
-    assert pvae[10].size == 3
-    where_pvae = (*where, "PVAE lies near PTAE from a fifth on")
-    finding(pvae[50].min() > 98.5 and pvae[20].mean() > ptae[20].mean() - 5, *where_pvae)
-    finding(pgae[10] + 10 < pvae[10].mean() < ptae[10].mean() - 3, *where, "PVAE with a tenth")
+    ptae, pvae = mean(theirs, "ptae"), mean(theirs, "pvae")
+    finding(pgae[10] + 10 < pvae[10] < ptae[10] - 3, *where, "PVAE lies between them with a tenth")
+    finding((ptae - pvae)[[20, 50]].max() < 5, *where, "then near PTAE")
     few = mean(theirs, "ptae", "iterations")
     finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and about half")
     gap = (listed(theirs, "ptae") - listed(theirs, "pgae")).dropna()

@@ -58,7 +58,7 @@ class Unfinished:
         if self.path is None or not self.path.exists():
             return 0, {}
         tensors, about = artefacts.load_weights(self.path)
-        if about.get("training") != self.training:
+        if about.get("training") != self.training or "done" not in about:
             raise ArtefactError(
                 f"{self.path} is the state of another training; move it away to begin anew"
             )
