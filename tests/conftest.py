@@ -23,6 +23,8 @@ EYE = "e" * 64
 def pytest_addoption(parser):
     parser.addoption("--lab", choices=("two", "all"), default="two",
                      help="how many chapters are tried in JupyterLab")  # fmt: skip
+    parser.addoption("--screenshots", action="store_true",
+                     help="keep pictures of all pages in build/screenshots")  # fmt: skip
 
 
 @pytest.fixture(autouse=True)

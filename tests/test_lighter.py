@@ -62,6 +62,16 @@ def test_pictures_come_late_and_keep_their_place(tmp_path):
     assert lighter.with_late_pictures(sized, tmp_path) == sized[:-1] + ' loading="lazy">'
 
 
+def test_words_of_a_signature_have_no_spans():
+    words = '<span class="n"><span class="pre">seed</span></span>: <span class="pre">int</span>'
+    page = f'<dt class="sig sig-object py" id="f">{words}</dt><p><span class="pre">a b</span></p>'
+    made = lighter.with_light_signatures(page)
+    assert made == (
+        '<dt class="sig sig-object py" id="f"><span class="n">seed</span>: int</dt>'
+        '<p><span class="pre">a b</span></p>'
+    )
+
+
 def test_a_squeezed_drawing_has_the_same_elements_and_numbers():
     figure, axes = plt.subplots()
     axes.plot(np.random.default_rng(0).normal(size=400), label="noise")

@@ -64,7 +64,7 @@ def scroll_through(page):
 
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", PAGES)
-def test_a_page_opens_without_a_network_and_fits_its_width(browser, name, width):
+def test_a_page_opens_without_a_network_and_fits_its_width(browser, name, width, request):
     with opened(browser, width) as page:
         go(page, name)
         scroll_through(page)
@@ -79,7 +79,8 @@ def test_a_page_opens_without_a_network_and_fits_its_width(browser, name, width)
             until(
                 lambda theme=theme: page.evaluate("document.documentElement.dataset.theme") == theme
             )
-            if SHOWN[width] == theme:  # a long page takes seconds to draw: each width in one theme
+            # A long page takes many seconds to draw.
+            if request.config.getoption("screenshots") and SHOWN[width] == theme:
                 keep(page, f"{name.removesuffix('.html').replace('/', '-')}-{width}-{theme}")
 
 

@@ -24,6 +24,8 @@ FORMULAS = re.compile(r'[ \t]*<script\b[^>]*? src="([^"]*vendor/mathjax\.js[^"]*
 PICTURE = re.compile(r'<img\b(?![^>]*\sloading=)[^>]*?\ssrc="([^":]+)"[^>]*?(?=\s*/?>)')
 SIZE = re.compile(r"""<svg\b[^>]*?\sviewBox=["'][\d.-]+ [\d.-]+ ([\d.]+) ([\d.]+)["']""")
 POINT = 4 / 3  # pixels
+SIGNATURE = re.compile(r'<dt class="sig\b.*?</dt>', re.DOTALL)
+WORD = re.compile(r'<span class="pre">([^<]*)</span>')
 METADATA = re.compile(r"<metadata>.*?</metadata>|<!--.*?-->|(?<=>)\n\s*(?=<)", re.DOTALL)
 LONG = re.compile(r"(?<![\d.])[1-9]\d*\.\d{4,}")  # smaller numbers may be scales
 PATH = re.compile(r'\sd="([^"]*)"')
@@ -91,6 +93,11 @@ def with_late_pictures(page: str, folder: Path) -> str:
     return PICTURE.sub(late, page)
 
 
+def with_light_signatures(page: str) -> str:
+    """A page whose signatures have no span around each word, a sixth of a page of the library."""
+    return SIGNATURE.sub(lambda found: WORD.sub(r"\1", found[0]), page)
+
+
 @cache
 def size_px(path: Path) -> tuple[int, int] | None:
     """Width and height of a picture; None where a drawing does not say them."""
@@ -120,6 +127,7 @@ def lighten(site) -> None:
         if "_static" in path.parts or path.name == "search.html":
             continue
         page = path.read_text("utf-8")
-        made = with_late_pictures(with_late_formulas(without_search(page)), path.parent)
+        made = with_light_signatures(with_late_formulas(without_search(page)))
+        made = with_late_pictures(made, path.parent)
         if made != page:
             path.write_text(made, "utf-8", newline="\n")
