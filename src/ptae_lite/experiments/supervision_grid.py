@@ -102,14 +102,14 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     for seed in () if core else seeds:
         for model in ("ptae", "pgae"):
             more(model, "samples", "paper", seed, *SHARES["samples"])
-        more("ptae", "samples", "covering", seed, 1, 2, 5)
-        more("ptae", "samples", "shuffled-scenes", seed, 2, 10, 50)
-        more("ptae", "samples", "pseudo-labels", seed, 1, 2, 5, 10, 20)
+        more("ptae", "samples", "covering", seed, 2)
+        more("ptae", "samples", "shuffled-scenes", seed, 10, 50)
+        more("ptae", "samples", "pseudo-labels", seed, 10)
         more("ptae", "iterations", "adam", seed, 1, 2, 10)
     if not core:
         for model in ("ptae", "pgae"):
-            more(model, "iterations", "long", seeds[0], 1, 2)  # an hour of a core for each model
-        more("ptae", "iterations", "adam-long", seeds[0], 1, 2)
+            more(model, "iterations", "long", seeds[0], 2)  # half an hour of a core for each model
+        more("ptae", "iterations", "adam-long", seeds[0], 1, 2, 10)  # and for each of these
         # an hour and a half each
         more("ptae", "iterations", "paper-length", seeds[0], 1)
         more("ptae", "iterations", "adam-paper-length", seeds[0], 1)
