@@ -314,14 +314,11 @@ def test_the_number_of_labels_decides_and_not_how_often_they_are_shown(table):
     few, once = (
         mean(table, "ptae", mode, variant="paper")[10] for mode in ("iterations", "samples")
     )
-    often = mean(table, "ptae", variant="balanced")[10]
-    finding(few > max(once, often) + 5, *where, "every clip seldom describes more")
-    better = only(table, "paper")[10] - only(table, "balanced")[10]
-    finding(
-        better.mean() > 0 and better.min() > -2,
-        *where,
-        "showing the few clips more often does not help",
-    )
+    often = mean(table, "ptae", variant="balanced")
+    finding(few > max(once, often[10]) + 5, *where, "every clip seldom describes more")
+    gain = often - mean(table, "ptae", variant="paper")
+    assert gain.notna().sum() == 8  # with all labels both are one training
+    finding(gain.max() < 2, *where, "showing the few clips more often helps by two points nowhere")
     seen = [mean(table, "ptae", mode, uses, "paper")[10] for mode in ("iterations", "samples")]
     finding(0.8 < seen[0] / seen[1] < 1.2, *where, "both use a sentence equally often")
 
@@ -489,7 +486,7 @@ def test_how_many_uses_are_enough_depends_on_the_recording(table, theirs):
     assert (tenth[words] == 100).all(axis=None)
     assert (abs(tenth["colour_accuracy"] - 100 * 6 / 7) < 1).all()  # "each seventh", in the card
     seldom = listed(table, "ptae", "iterations"), only(table, "paper")
-    ahead = {share: seldom[0][share].mean() - seldom[1][share].mean() for share in (2, 10)}
+    ahead = {share: seldom[0][share].mean() - seldom[1][share].mean() for share in (1, 2, 10, 20)}
     finding(min(ahead.values()) > 3, *where, "every clip is ahead of few, once an epoch")
     finding(seldom[0][10].min() < seldom[1][10].max(), *where, "single trainings overlap")
     for data in (table, theirs):
