@@ -126,6 +126,17 @@ def test_products_find_colours_that_a_sum_does_not_most_of_all_at_first(means):
             assert missing[1] > 2 * missing[0]
 
 
+def test_at_the_end_products_leave_the_lead_at_equal_compute_and_a_third_of_it_at_last(
+    means, equal
+):
+    for found, low, high in (
+        (equal["compute"], 0.9, 1),
+        (means.groupby("encoder").last(), 0.28, 0.38),
+    ):
+        ahead = (found.loc[SEPARATED] - found.loc[PLAIN_30])[["last_both", "last_both_products"]]
+        assert low < ahead.iloc[1] / ahead.iloc[0] < high
+
+
 def test_what_has_levelled_off_is_what_the_page_says(rows):
     """When this fails, the page's paragraphs about the rule have to be written anew."""
     by_rule = encoders_table.converged(rows)
