@@ -233,7 +233,7 @@ def test_false_words_are_marked_beside_the_true_ones(panel, static):
     assert re.search(r"≠ (push|pull|slide|move-\w+)</span> <small>\(not (push|pull|slide)\)", html)
 
 
-def test_both_arms_are_in_one_scene_and_the_true_one_is_faint(panel, static):
+def test_both_arms_are_in_one_scene_and_the_models_is_faint(panel, static):
     html = card(panel, "execute", "all of it", 3, "action").html
     assert html.count("<iframe") == 1
-    assert "Faint orange arm: the recorded one. Solid: the model" in html
+    assert "Faint orange arm: that of the model. Solid: the recorded one" in html

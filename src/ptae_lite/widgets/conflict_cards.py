@@ -181,14 +181,14 @@ class Card:
         )
 
     def _scene(self) -> str:
-        """The arm as the model moves it, and a faint arm with the true motion."""
+        """The recorded arm, and a faint one as the model moves it, as in every scene of a model."""
         index, count = self.examples.index, int(self.samples.frames[self.examples.index])
         true = self.samples.joints[index, :count]
         made = np.concatenate([true[:1], self.examples.joints[self.row.track][: count - 1]])
         scene = arm_scene(
-            made, self.samples.cubes[index, :count], self.own.arrangement, ghost_joints_rad=true,
-            ghost_name="the recorded one. Solid: the model's", still_png=b"\x89PNG",
-            title=f"{self.condition.signal}: the model's arm, and the recorded one faintly",
+            true, self.samples.cubes[index, :count], self.own.arrangement, ghost_joints_rad=made,
+            ghost_name="that of the model. Solid: the recorded one", still_png=b"\x89PNG",
+            title=f"{self.condition.signal}: the recorded arm, and the model's faintly",
         )  # fmt: skip
         return replace(scene, still_png=None, height_px=360)._repr_html_()
 
