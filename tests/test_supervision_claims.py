@@ -434,6 +434,19 @@ def test_held_out_patterns_choose_the_regular_recipe():
     )
 
 
+def test_on_held_out_patterns_the_models_move_alike_and_pgae_leaves_clips_undescribed():
+    found = pd.read_csv(artefacts.stored("results/recipes.csv"))
+    found = found[(found["choice"] == "regular") & (found["share"] == 100)]
+    assert (found.groupby(["data", "model"]).size() == 5).all()
+    where = "in_depth/03_muon", "How a recipe is chosen"
+    errors = found.groupby(["data", "model"])[EXECUTE].median()
+    ours = errors["recording"]
+    finding(ours.max() < 1.2 * ours.min(), *where, "equally well on our recording")
+    pgae = found["model"] == "pgae"
+    assert found[pgae][DESCRIBE].min() > 95 and found[~pgae][DESCRIBE].min() == 100
+    finding((found[pgae][DESCRIBE] == 100).sum() == 1, *where, "with all seeds but one")
+
+
 def test_on_the_test_clips_adam_alone_describes_more_too(table, theirs):
     where = OFTEN_PAGE, "The test clips, with Adam alone"
 
