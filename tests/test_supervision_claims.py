@@ -442,6 +442,8 @@ def test_on_held_out_patterns_the_models_move_alike_and_pgae_leaves_clips_undesc
     errors = found.groupby(["data", "model"])[EXECUTE].median()
     ours = errors["recording"]
     finding(ours.max() < 1.2 * ours.min(), *where, "equally well on our recording")
+    half = errors["authors", "pvae"] / errors["authors"].drop("pvae")
+    finding(half.between(0.4, 0.65).all(), *where, "PVAE has half the error on the authors' data")
     pgae = found["model"] == "pgae"
     assert found[pgae][DESCRIBE].min() > 95 and found[~pgae][DESCRIBE].min() == 100
     finding((found[pgae][DESCRIBE] == 100).sum() == 1, *where, "with all seeds but one")
