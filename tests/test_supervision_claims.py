@@ -502,7 +502,7 @@ def test_how_many_uses_are_enough_depends_on_the_recording(table, theirs):
     finding(whole["colour_accuracy"] < 100 / 6, *where, "colours right less often than by guessing")
     seldom = ours[(ours["share"] < 10) & (ours["variant"] == "adam-long")]
     assert len(seldom) == 2 and (seldom[words] == 100).all(axis=None)  # "the colour", in the card
-    assert round(seldom["supervised_samples_seen"].min() / 648) == 6  # "six times", too
+    assert (seldom["steps"] == 8 * 1920).all()  # "eight times the regular updates", too
     seldom = listed(table, "ptae", "iterations"), only(table, "paper")
     ahead = {share: seldom[0][share].mean() - seldom[1][share].mean() for share in (1, 2, 10, 20)}
     finding(min(ahead.values()) > 3, *where, "every clip is ahead of few, once an epoch")

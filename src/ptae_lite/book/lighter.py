@@ -94,7 +94,7 @@ def with_late_pictures(page: str, folder: Path) -> str:
 
 
 def with_light_signatures(page: str) -> str:
-    """A page whose signatures have no span around each word, a sixth of a page of the library."""
+    """A page whose signatures have no span around each word, an eighth of a page of the library."""
     return SIGNATURE.sub(lambda found: WORD.sub(r"\1", found[0]), page)
 
 

@@ -25,9 +25,7 @@ WITH_ADAM = "The test clips, with Adam alone"
 COLOUR = "What is lost is the colour first."
 LONGER = "With Adam alone, and eight times the regular updates."
 REMARKS = {  # by model, task, experiment and share: on our recording, on the authors' data
-    ("ptae", "describe", "iterations", 1): (
-        "Each sentence has its turn six times. What is lost is the colour.", "",
-    ),
+    ("ptae", "describe", "iterations", 1): (f"{LONGER} What is lost is the colour.", ""),
     ("ptae", "describe", "iterations", 2): (f"{LONGER} What is lost is the colour.", ""),
     ("pgae", "describe", "iterations", 20): (
         "It is some points below with each training.", "It is below with each training.",
