@@ -37,7 +37,9 @@ class Recipe:
     p_congruent_input: float = (
         0.0  # ours; share of samples with a true extra input, see `signals.build`
     )
-    balanced: bool = True  # ours, with few labels: they make half of each batch, see epoch_batches
+    balanced: bool = (
+        False  # ours, with few labels: they make half of each batch, see `epoch_batches`
+    )
     shuffle_scenes: bool = (
         False  # ours: a sentence to repeat comes with the scene of another sample
     )

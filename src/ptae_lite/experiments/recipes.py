@@ -61,9 +61,7 @@ CHOICES = {
     "one-learning-rate": Choice(
         "the action decoder no faster than the rest", {"ptae": {"action_lr_scale": 1.0}}, (ALL,)
     ),
-    "once": Choice(
-        "each sample once an epoch, labelled or not", {"ptae": {"balanced": False}}, (TENTH,)
-    ),
+    "balanced": Choice("half of each batch has a label", {"ptae": {"balanced": True}}, (TENTH,)),
 }
 SEEDS = (0, 1)  # of every choice; the regular recipes have five
 KEY = ["data", "model", "mode", "share", "choice", "seed"]
@@ -100,7 +98,7 @@ def _shares(model: str, mode: str, choice: Choice) -> tuple[float, ...]:
 
 def job_of(model: str, mode: str, share: float, seed: int) -> Job:
     """The job of the study of supervision; every choice trains it with another recipe."""
-    return Job(model, mode, "balanced" if mode == "samples" else "paper", share, seed)
+    return Job(model, mode, "paper", share, seed)
 
 
 def recipe_of(model: str, choice: str) -> Recipe:

@@ -81,7 +81,7 @@ def _weights_of(job: Job) -> str:
     """The name of a job's file of weights, such as `ptae, labelled 5`."""
     if job.regular:
         return job.model
-    if (job.mode, job.variant) == ("samples", "balanced"):
+    if (job.mode, job.variant) == ("samples", "paper"):
         return f"{job.model}, labelled {job.share:g}"
     return f"{job.model}, {job.mode} {job.variant} {job.share:g}"
 

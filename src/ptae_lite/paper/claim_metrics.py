@@ -150,10 +150,10 @@ def ratio_of_updates(tables: Tables):
 def with_labels(model: str, column: str, mode: str, share: float):
     """Makes a function of `Tables`: a score with a share of the labels, by seed.
 
-    With few samples, the variant is `balanced`. With few iterations, `BEST_FIRST` says which
-    trainings count: in a short one labels may be too seldom to judge the share.
+    With few iterations, `BEST_FIRST` says which trainings count: in a short one labels may be too
+    seldom to judge the share.
     """
-    variants = ("balanced",) if mode == "samples" else BEST_FIRST
+    variants = ("paper",) if mode == "samples" else BEST_FIRST
 
     def values(tables: Tables) -> pd.Series:
         rows = tables.supervision

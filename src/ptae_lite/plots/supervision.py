@@ -26,7 +26,7 @@ LOOKS = {  # colour, line style, mark; the paper's points have the same colour
 NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear baseline"}
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
-MAIN = {"samples": ("balanced", "random"), "iterations": ("paper",)}  # variants in the figures
+MAIN = {"ptae": "paper", "pgae": "paper", "pvae": "balanced", "linear": "random"}  # the curves
 LONGER = {  # hollow marks of longer trainings: their label and size
     "long": (f"{VARIANTS['long'].times} times as long", 6),
     "paper-length": ("as long as the paper's", 9),
@@ -49,8 +49,8 @@ PAPERS = (  # the three figures of the paper
 def rows_of(table: pd.DataFrame, model: str, mode: str, variant: str | None = None) -> pd.DataFrame:
     """The rows of one curve, with those of the regular training. None for the main variant."""
     mine = table[(table["model"] == model) & (table["mode"] == mode)]
-    wanted = MAIN[mode] if variant is None else (variant,)
-    return mine[mine["variant"].isin(wanted) | (mine["share"] == REGULAR[mode])]
+    wanted = mine["variant"] == (variant or MAIN[model])
+    return mine[wanted | (mine["share"] == REGULAR[mode])]
 
 
 def by_share(table: pd.DataFrame) -> Figure:

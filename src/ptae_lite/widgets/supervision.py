@@ -119,7 +119,7 @@ def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) 
                 tell(f"training {NAMES[model]}: epoch {number} of {epochs}")
                 yield number
 
-        job = Job(model, mode, MAIN[mode][0], share, seed)
+        job = Job(model, mode, MAIN[model], share, seed)
         try:
             recipe = replace(MODELS[model].recipe, epochs=epochs)
             trained = fit(samples, job, recipe, progress=counted)
