@@ -14,7 +14,7 @@ from ptae_lite.training import Recipe
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
 pytestmark = pytest.mark.extras
-JOBS = [Job("ptae", "samples", "balanced", share, 0) for share in (50, 25)]
+JOBS = [Job("ptae", "samples", "paper", share, 0) for share in (50, 25)]
 
 
 @pytest.fixture(scope="module")

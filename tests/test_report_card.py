@@ -75,7 +75,7 @@ def test_the_sentence_beside_a_verdict_belongs_to_it():
 @pytest.mark.parametrize(
     ("mode", "share", "expected"),
     [("iterations", 1, [20, 30]), ("iterations", 2, [5, 6, 7]), ("iterations", 10, [1, 2, 3]),
-     ("samples", 1, [9, 9])],
+     ("samples", 1, [5, 6, 7])],
 )  # fmt: skip
 def test_with_few_iterations_the_better_recipe_counts_and_then_the_longest(mode, share, expected):
     scores = {
@@ -96,7 +96,7 @@ def test_models_are_compared_seed_by_seed_where_both_have_it():
     rows = pd.DataFrame(
         [("ptae", 0, 50), ("ptae", 1, 60), ("ptae", 2, 70), ("pgae", 2, 65), ("pgae", 0, 20)],
         columns=["model", "seed", "describe_accuracy"],
-    ).assign(mode="samples", share=10, variant="balanced")
+    ).assign(mode="samples", share=10, variant="paper")
     found = claim_metrics.ahead("describe_accuracy", "samples", 10)(
         NOTHING._replace(supervision=rows)
     )
@@ -344,11 +344,14 @@ def test_the_reasons_beside_the_verdicts_are_true(rows):
     spoilt, calm = (claim_metrics.under("repeat action", n)(found[1]).median() for n in (3, 0))
     assert 3 < spoilt / calm < 4 and calm / 1.03 == pytest.approx(1 / 4, abs=0.05)
     one_percent = claim_metrics.ahead("describe_accuracy", "samples", 1)(found[0])
-    assert (one_percent > 0).sum() == 1 and len(one_percent) == 3
+    assert (one_percent > 0).sum() == 2 and len(one_percent) == 3
     assert by_claim.loc["PGAE, describe with 20 % of the iterations", "median_theirs"] > 75
-    for model in ("ptae", "pgae"):  # "nothing", in the one training that both have
-        found_one = claim_metrics.with_labels(model, "describe_accuracy", "samples", 1)(found[1])
-        assert found_one[0] == 0
+    neither = [claim_metrics.with_labels(model, "describe_accuracy", "samples", 1)(found[0])[0]
+               for model in ("ptae", "pgae")]  # fmt: skip
+    assert max(neither) < CHANCE
+    assert claim_metrics.with_labels("pgae", "describe_accuracy", "samples", 1)(found[1])[0] == 0
+    seven = by_claim.loc["PGAE, execute with 1 % of the samples"]
+    assert seven["median"] < seven["paper"] / 3
     chance = claim_metrics.with_labels("pgae", "describe_accuracy", "samples", 1)(found[0])
     assert (chance < CHANCE).sum() == 1 and len(chance) == 3
     one, two, one_adam, two_adam = (
@@ -361,11 +364,12 @@ def test_the_reasons_beside_the_verdicts_are_true(rows):
     lost = claim_metrics.under("repeat language", 3)(found[0])
     assert (lost < 50).sum() == 2
     fifth = by_claim.loc["PTAE, describe with 20 % of the samples"]
-    assert fifth["paper"] - fifth["median"] == pytest.approx(8, abs=0.5)
-    tenth = found[0].supervision.query("model == 'ptae' and mode == 'samples' and share == 10")
-    tenth = tenth.groupby("variant")["describe_accuracy"].median()
-    assert tenth["paper"] - tenth["balanced"] == pytest.approx(3, abs=0.5)
-    assert tenth["pseudo-labels"] > 90
+    assert fifth["paper"] - fifth["median"] == pytest.approx(5, abs=0.5)
+    tenth = by_claim.loc["PTAE, describe with 10 % of the samples"]
+    assert tenth["paper"] - tenth["median"] == pytest.approx(6, abs=0.5)
+    assert tenth["median_theirs"] > tenth["paper"] + 10
+    rows = found[0].supervision.query("model == 'ptae' and mode == 'samples' and share == 10")
+    assert rows.query("variant == 'pseudo-labels'")["describe_accuracy"].median() > 90
     repeats = report_card.stored().family.set_index("variant")["repeat_language_accuracy"]
     assert repeats["PTAE"].min() == repeats["PTAE, action as query"].min() == 100
     pgae = by_claim.loc["PGAE, execute with 100 % of the samples"]
@@ -398,7 +402,7 @@ def test_the_findings_that_the_chapter_draws():
     assert (errors["execute_video_frozen"] > 5 * errors["execute_nrmse"]).all()
     labels = report_card.stored().supervision
     labels = labels[(labels["mode"] == "samples") & labels["model"].isin(["ptae", "linear"])]
-    labels = labels[labels["variant"].isin(["balanced", "random"]) | (labels["share"] == 100)]
+    labels = labels[labels["variant"].isin(["paper", "random"])]
     means = labels.groupby(["share", "model"])["describe_accuracy"].mean().unstack()
     lead = means["linear"] - means["ptae"]
-    assert lead[5] > 5 and abs(lead[10]) < 3 and (lead[[20, 50, 66.6, 100]] < 0).all()
+    assert lead[5] > 5 and (lead.drop(5) < 0).all()

@@ -30,7 +30,7 @@ DESCRIBE, REPEAT_LANGUAGE = signal_number("describe"), signal_number("repeat lan
 NEED_LABEL = {"ptae": SUPERVISED, "pgae": (*SUPERVISED, "repeat both")}
 
 
-def job(share=50, seed=0, model="ptae", mode="samples", variant="balanced"):
+def job(share=50, seed=0, model="ptae", mode="samples", variant="paper"):
     return Job(model, mode, variant, share, seed)
 
 
@@ -120,13 +120,13 @@ def test_a_label_is_asked_of_labelled_samples_alone_and_they_of_nothing_else(
     numbers = [signal_number(signal) for signal in NEED_LABEL[model]]
     for part, signals, _ in idle:
         np.testing.assert_array_equal(np.isin(part, list(chosen)), np.isin(signals, numbers))
-    if variant == "paper":  # each sample once an epoch
+    if variant == "balanced":
+        assert count == 12 * 8 / 2
+    else:  # each sample once an epoch
         assert count == 4 * len(chosen)
         for epoch in range(4):
             parts = [part for part, *_ in idle[3 * epoch : 3 * epoch + 3]]
             assert sorted(np.concatenate(parts)) == few.split("train").tolist()
-    else:
-        assert count == 12 * 8 / 2
 
 
 @pytest.mark.slow
@@ -180,14 +180,14 @@ def test_a_blend_is_of_labelled_clips_alone(few, idle, monkeypatch):
 
 @pytest.mark.parametrize("mode", ["samples", "iterations"])
 def test_unpaired_sentences_are_repeated_beside_the_scene_of_a_stranger(few, idle, mode):
-    for variant in ("balanced", "shuffled-scenes"):
+    for variant in ("paper", "shuffled-scenes"):
         idle.clear()
         supervision.fit(few, job(25, mode=mode, variant=variant), Recipe(epochs=4, batch=8))
         own = np.concatenate([p == told for p, _, told in idle])
         signals = np.concatenate([signals for _, signals, _ in idle])
         assert own[signals != REPEAT_LANGUAGE].all()
         share = own[signals == REPEAT_LANGUAGE].mean()
-        assert share == 1 if variant == "balanced" else share < 0.3
+        assert share == 1 if variant == "paper" else share < 0.3
     told = {int(t) for _, s, told in idle for t in told[s == REPEAT_LANGUAGE]}
     if mode == "samples":
         assert not told & set(supervision.labelled(few, job(25)).tolist())
@@ -219,7 +219,7 @@ def test_a_training_can_be_as_long_as_the_papers(few):
 def test_few_iterations_can_have_adam_alone(few, variant, times):
     asked = supervision.experiment_of(few, job(1, mode="iterations", variant=variant)).recipe
     ours = recipes.recipe_of("ptae", "adam")  # the choice that was compared on held-out patterns
-    assert asked == replace(ours, epochs=ours.epochs * times, balanced=False, supervised=0.01)
+    assert asked == replace(ours, epochs=ours.epochs * times, supervised=0.01)
 
 
 @pytest.mark.parametrize("model", ["ptae", "pgae", "pvae"])
@@ -305,14 +305,15 @@ def test_the_grid_holds_both_experiments_three_times_and_no_training_twice():
     for model in ("ptae", "pgae"):
         for seed in (0, 1, 2):
             mine = [j for j in grid if (j.model, j.seed) == (model, seed)]
-            shares = {j.share for j in mine if (j.mode, j.variant) == ("samples", "balanced")}
-            assert shares | {100} == set(supervision_grid.SHARES["samples"])
+            for variant in ("paper", "balanced"):
+                shares = {j.share for j in mine if (j.mode, j.variant) == ("samples", variant)}
+                assert shares | {100} == set(supervision_grid.SHARES["samples"])
             shares = {j.share for j in mine if (j.mode, j.variant) == ("iterations", "paper")}
             assert shares | {66.6} == set(supervision_grid.SHARES["iterations"])
             assert [j.share for j in mine if j.regular] == [100]
     assert len({j.share for j in grid if j.model == "pvae"}) == 5
     assert len({j.seed for j in grid if j.model == "linear" and j.share == 10}) == 20
-    core = [j for j in grid if j.variant in ("balanced", "paper") and j.mode == "iterations"]
+    core = [j for j in grid if j.variant == "paper" and j.mode == "iterations"]
     assert [j.seed for j in core if j.model == "ptae"] == [0] * 5 + [1] * 5 + [2] * 5
 
 
@@ -320,8 +321,8 @@ def test_the_core_of_the_grid_is_the_grid_without_its_variants():
     whole, core = supervision_grid.grid(), supervision_grid.grid(core=True)
     assert core == whole[: len(core)]
     trained = [j for j in core if j.model != "linear"]
-    assert {j.variant for j in trained if not j.regular} == {"balanced", "paper"}
-    assert {j.mode for j in trained if j.variant == "paper" and not j.regular} == {"iterations"}
+    assert {j.variant for j in trained} == {"paper"}
+    assert {j.mode for j in trained if not j.regular} == {"samples", "iterations"}
 
 
 def test_jobs_are_selected_by_their_fields():
@@ -361,8 +362,8 @@ def test_a_study_writes_a_row_for_each_training(few, trainings, tmp_path):
     assert trainings == jobs
     assert table[KEY].values.tolist() == [
         ["linear", "recording", "samples", "random", 10, 0],
-        ["ptae", "recording", "samples", "balanced", 10, 1],
-        ["ptae", "recording", "samples", "balanced", 50, 0],
+        ["ptae", "recording", "samples", "paper", 10, 1],
+        ["ptae", "recording", "samples", "paper", 50, 0],
     ]
     assert table["labelled"].tolist() == [3, 3, 12]
     by_scenes = table.columns.str.endswith("_scenes")

@@ -112,10 +112,10 @@ def test_execute_and_the_repeat_signals_hold_out(table):
     known = references(samples, fit_scaling(samples, samples.split("train")))
     error = mean(table, "ptae", column=EXECUTE)
     finding(
-        error[2] / error[100] < 1.4 and error[10] / error[100] < 1.1,
+        error[5] / error[100] < 1.15 and 1.3 < error[2] / error[100] < 1.6,
         CHAPTER,
         "Move the slider",
-        "execute stays nearly where it was down to thirteen clips",
+        "execute stays nearly where it was down to thirty-three clips",
     )
     finding(
         error.max() < known["mean of action word and side"][0],
@@ -159,10 +159,14 @@ def test_from_the_same_few_labels_weighted_sums_describe_more(table):
     }
     assert len(ahead["ptae"]) >= 14
     finding(
-        (ahead["ptae"][5] < 0).all() and abs(ahead["ptae"][10].mean()) < 5,
+        (ahead["ptae"][5] < 0).all(), CHAPTER, where, "with 5 % PTAE is behind the linear baseline"
+    )
+    tenth = ahead["ptae"][10].sort_values()
+    finding(
+        tenth.iloc[-1] > 10 and (tenth.iloc[:2].abs() < 3).all(),
         CHAPTER,
         where,
-        "with 5 % PTAE is behind the linear baseline, with 10 % they are even",
+        "with 10 % it is clearly ahead on one list, and level on two",
     )
     finding(
         (ahead["ptae"][[20, 50, 66.6]] > 0).mean() > 0.8,
@@ -281,13 +285,12 @@ def test_execute_by_model(table):
     pgae, ptae, pvae = (mean(table, m, column=EXECUTE) for m in ("pgae", "ptae", "pvae"))
     finding(pgae[66.6] / pgae[100] < 1.15, *where, "no jump with two thirds of the samples")
     paper = reported.BY_SHARE["pgae", EXECUTE, "samples"][1].value
-    assert pgae[1] / paper == pytest.approx(0.2, abs=0.03)  # a reason in the card
     finding(ptae[1] < pgae[1] < paper / 3, *where, "with 1 % above PTAE, far below the paper's")
     rise = {m: e[2] / e[100] for m, e in (("ptae", ptae), ("pgae", pgae), ("pvae", pvae))}
     finding(
-        max(rise["ptae"], rise["pvae"]) < 1.35 < 1.6 < rise["pgae"],
+        rise["pvae"] < 1.35 < rise["ptae"] < 1.6 < rise["pgae"],
         *where,
-        "down to thirteen labels PTAE's and PVAE's errors hardly rise, PGAE's about doubles",
+        "down to thirteen labels PTAE's error rises by a half, PVAE's by less, PGAE's doubles",
     )
 
 
@@ -314,17 +317,32 @@ def test_the_number_of_labels_decides_and_not_how_often_they_are_shown(table):
     few, once = (
         mean(table, "ptae", mode, variant="paper")[10] for mode in ("iterations", "samples")
     )
-    often = mean(table, "ptae", variant="balanced")
-    finding(few > max(once, often[10]) + 5, *where, "every clip seldom describes more")
-    gain = often - mean(table, "ptae", variant="paper")
-    assert gain.notna().sum() == 8  # with all labels both are one training
-    finding(gain.max() < 2, *where, "showing the few clips more often helps by two points nowhere")
+    finding(few > once + 5, *where, "every clip seldom describes more")
     seen = [mean(table, "ptae", mode, uses, "paper")[10] for mode in ("iterations", "samples")]
     finding(0.8 < seen[0] / seen[1] < 1.2, *where, "both use a sentence equally often")
 
 
+def test_showing_few_labels_more_often_helps_hardly_anywhere(table, theirs):
+    where = OFTEN_PAGE, "Shown more often"
+    gain, there = (
+        mean(rows, "ptae", variant="balanced") - mean(rows, "ptae", variant="paper")
+        for rows in (table, theirs)
+    )
+    assert gain.notna().sum() == there.notna().sum() == 8  # with all labels both are one training
+    finding(gain.max() < 2, *where, "on our recording it is ahead by two points nowhere")
+    finding(there[[5, 10]].max() < -10, *where, "on the authors' data it harms")
+    found = pd.read_csv(artefacts.stored("results/recipes.csv"))
+    found = found.query("mode == 'samples' and share == 10")
+    found = found.set_index(["data", "seed", "choice"])[DESCRIBE].unstack("choice")
+    assert found.notna().all(axis=None) and len(found) == 4
+    gain = (found["regular"] - found["balanced"]).sort_index()
+    finding(gain.min() >= 0 and gain["authors"].min() > 20, *where, "with either of two seeds")
+
+
 def test_choosing_labels_helps_no_learner_and_more_of_them_do(table):
     section = "Which clips to label?"
+    drawn, own = listed(table, "ptae")[2], only(table, "covering")[2]
+    finding(own.max() < drawn.min(), CHAPTER, section, "PTAE learns even less from chosen ones")
     for model in ("linear", "ptae"):
         drawn, own = listed(table, model), only(table, "covering", model=model)
         spread = drawn[2].max() - drawn[2].min()
@@ -357,7 +375,7 @@ def test_a_sentence_beside_its_own_scene_teaches_colours(table):
     section = "What does an unlabelled sentence teach?"
 
     def change(column):
-        own, other = (only(table, v, column) for v in ("balanced", "shuffled-scenes"))
+        own, other = (only(table, v, column) for v in ("paper", "shuffled-scenes"))
         return (own - other).dropna()
 
     lost = change(DESCRIBE)
@@ -370,7 +388,7 @@ def test_a_sentence_beside_its_own_scene_teaches_colours(table):
     )
     finding((change("colour_accuracy")[10] > 0).all(), CHAPTER, section, "it loses colours")
     same = [change(c).abs().max() for c in ("action_accuracy", "speed_accuracy")]
-    error = change(EXECUTE).abs() / only(table, "balanced", EXECUTE)
+    error = change(EXECUTE).abs() / only(table, "paper", EXECUTE)
     finding(
         max(same) < 5 and error.max() < 0.1,
         CHAPTER,
@@ -379,7 +397,7 @@ def test_a_sentence_beside_its_own_scene_teaches_colours(table):
     )
 
 
-def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
+def test_on_the_authors_data_most_levels_of_ptae_come_out(table, theirs):
     where = MODELS_PAGE, "On the authors' data"
     often = mean(theirs, "ptae", "iterations")
     finding(often.loc[10:].min() > 99.5, *where, "every clip from a tenth of the iterations on")
@@ -391,12 +409,16 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
         "next to nothing is lost from a fifth",
     )
     paper = reported.BY_SHARE["ptae", DESCRIBE, "samples"][10].value
-    finding((lists[10] > paper).sum() == 2, *where, "most come out above the paper's")
+    finding(lists[10].min() > paper + 10, *where, "with a tenth more than the paper's")
     others = lists[1].drop(lists[1].idxmin())
-    finding(lists[1].min() < 1 and others.between(10, 14).all(), *where, "nothing, and an eighth")
-    assert (lists[1] < CHANCE + 1).sum() == 1  # a reason in the card
-    linear, pgae = mean(theirs, "linear", variant="random"), mean(theirs, "pgae")
-    finding(lists[10].mean() > linear[10] + 8, *where, "the baseline is behind with a tenth")
+    paper = reported.BY_SHARE["ptae", DESCRIBE, "samples"][1].value
+    finding(others.max() < paper - 5, *where, "below the paper's number with the others")
+    assert (lists[1] < CHANCE).sum() == 1  # "at chance with one list", a reason in the card
+    assert (listed(table, "ptae")[1] < CHANCE).sum() == 1  # the same
+    sums, pgae = listed(theirs, "linear"), mean(theirs, "pgae")
+    lead = (lists - sums).dropna().sort_index()
+    finding(lead.drop(100).min() > 0, *where, "the baseline is behind with every list")
+    finding(lead[[5, 10]].min() > 15, *where, "and far behind from a twentieth to a tenth")
     half = reported.BY_SHARE["pgae", DESCRIBE, "samples"][50].value
     finding(
         pgae[50] > half + 5,
@@ -410,12 +432,10 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(theirs):
     finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and about half")
     gap = (listed(theirs, "ptae") - listed(theirs, "pgae")).dropna()
     assert gap[[2, 10]].groupby("share").size().min() == 3
-    finding(gap[[5, 10, 20]].min() > 0, *where, "PGAE describes less from a twentieth on")
-    # "far better" and "two lists of three", in the card
-    assert gap[10].min() > 10 and (gap[2] > 0).sum() == 2
+    finding(gap[[2, 5, 10, 20]].min() > 0, *where, "PGAE describes less from two percent on")
+    assert gap[10].min() > 10  # "far better", in the card
     errors = {model: mean(theirs, model, column=EXECUTE) for model in ("ptae", "pgae")}
-    above = [errors["ptae"][share] > errors["pgae"][share] for share in (1, 2)]
-    finding(all(above) and errors["ptae"][1] < 2, *where, "PTAE's error is above PGAE's")
+    finding(max(e[1] for e in errors.values()) < 1, *where, "far below what the paper says")
     assert errors["pgae"][66.6] < 1.1 * errors["pgae"][100]  # "no jump, on either data set"
     assert errors["pgae"][100] < errors["pgae"][1] < 1  # "to a few times its value", in the card
 
@@ -424,7 +444,7 @@ def test_held_out_patterns_choose_the_regular_recipe():
     found = pd.read_csv(artefacts.stored("results/recipes.csv"))
     found = found[(found["data"] == "recording") & found["seed"].isin(recipes.SEEDS)]
     found = found[(found["model"] == "ptae") & (found["mode"] == "samples")]
-    found = found.set_index(["share", "choice", "seed"])[EXECUTE].unstack("choice")
+    found = found[found["share"] == 100].set_index(["choice", "seed"])[EXECUTE].unstack("choice")
     assert {"regular", "adam"} <= set(found) <= set(recipes.CHOICES)
     finding(
         (found["regular"] < 0.7 * found["adam"]).all(),
@@ -511,8 +531,9 @@ def test_how_many_uses_are_enough_depends_on_the_recording(table, theirs):
         linear = data[(data["model"] == "linear") & (data["share"] == 100)].iloc[0]
         scenes = [linear[f"describe_accuracy_{kind}_scenes"] for kind in ("known", "new")]
         assert 0 <= scenes[0] - scenes[1] < 1  # "as near", in the family
-    seven = mean(table, "ptae")[1], mean(table, "linear", variant="random")[1]
-    assert max(seven) < 10  # "neither describes one clip in ten", in chapter 04
+    for model in ("ptae", "linear"):
+        own = mean(table, model)
+        assert own[1] < 0.6 * own[2]  # "with seven still less", in chapter 04
     uses = 0.01 * reported.STEPS["ptae"] * reported.BATCH
     finding(abs(whole["supervised_samples_seen"] / uses - 1) < 0.05, *where, "as often as there")
     shown, full = 1920 * MODELS["ptae"].recipe.batch, reported.STEPS["ptae"] * reported.BATCH
@@ -559,9 +580,9 @@ def test_sentences_are_stored_for_every_training(table):
     assert (said.groupby(key).size() == 6).all()
 
 
-def test_found_labels_help_ptae_as_much_as_the_linear_baseline(table):
+def test_found_labels_help_ptae_as_much_as_the_linear_baseline(table, theirs):
     where = "in_depth/04_pseudo_labels", "And PTAE?"
-    found, alone = (only(table, v)[10] for v in ("pseudo-labels", "balanced"))
+    found, alone = (only(table, v)[10] for v in ("pseudo-labels", "paper"))
     sums = only(table, "pseudo-labels", model="linear")[10]
     gained = (found - alone).dropna()
     assert len(gained) >= 2
@@ -571,7 +592,14 @@ def test_found_labels_help_ptae_as_much_as_the_linear_baseline(table):
         mean(table, "ptae"),
     )
     few = [5, 10, 20]
-    finding((looked[few] > network[few] + 5).all(), *where, "it pays more than a network")
+    finding((looked[few] > network[few] + 2).all(), *where, "it pays more than a network")
+    sums_there = mean(theirs, "linear", variant="pseudo-labels")
+    finding(
+        (mean(theirs, "ptae")[few] > sums_there[few]).all(),
+        "in_depth/04_pseudo_labels",
+        "Key result",
+        "on the authors' data PTAE alone is ahead of the baseline with found sentences",
+    )
     finding(
         abs((found - sums).dropna().mean()) < 3, *where, "no more and no less than the baseline"
     )

@@ -94,21 +94,22 @@ def test_an_epoch_takes_every_sample_once(samples):
 
 
 @pytest.mark.parametrize("share", [1, 10, 50, 66.6, 99])
-def test_only_labelled_samples_take_supervised_signals_and_only_they(samples, share):
+@pytest.mark.parametrize("balanced", [False, True])
+def test_only_labelled_samples_take_supervised_signals_and_only_they(samples, share, balanced):
     train = samples.split("train")
     labelled = training.label(train, share, seed=0)
-    epoch = epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
+    epoch = epoch_batches(np.random.default_rng(0), train, labelled, Recipe(balanced=balanced))
     parts, signals = (np.concatenate(column) for column in zip(*epoch, strict=True))
     supervised = np.isin(signals, SUPERVISED_NUMBERS)
     assert np.isin(signals[~supervised], UNSUPERVISED_NUMBERS).all()
     np.testing.assert_array_equal(np.isin(parts, labelled), supervised)
-    assert supervised.mean() == 0.5
+    assert supervised.mean() == (0.5 if balanced else len(labelled) / len(train))
 
 
-def test_few_labelled_samples_are_all_used_and_the_others_in_turn(samples):
+def test_where_half_of_each_batch_has_a_label_the_others_come_in_turn(samples):
     train = samples.split("train")
     labelled = training.label(train, 1, seed=0)
-    epoch = epoch_batches(np.random.default_rng(0), train, labelled, Recipe())
+    epoch = epoch_batches(np.random.default_rng(0), train, labelled, Recipe(balanced=True))
     parts = np.concatenate([part for part, _ in epoch])
     assert set(labelled) <= set(parts)
     others = parts[~np.isin(parts, labelled)]

@@ -30,12 +30,12 @@ REMARKS = {  # by model, task, experiment and share: on our recording, on the au
     ("pgae", "describe", "iterations", 20): (
         "It is some points below with each training.", "It is below with each training.",
     ),
-    ("ptae", "describe", "samples", 1): (COLOUR, "With one list of three it describes nothing."),
+    ("ptae", "describe", "samples", 1): 2 * ("It is at chance with one list of three.",),
     ("ptae", "describe", "samples", 10): (COLOUR, ""),
     ("ptae", "describe", "samples", 20): (COLOUR, ""),
     ("pgae", "describe", "samples", 50): 2 * ("It does better here.",),
     ("pgae", "execute", "samples", 1): (
-        "It rises, to a fifth of that.",
+        "It rises, and stays below a third of that.",
         "It rises to a few times its value, and stays far below that.",
     ),
     ("pgae", "execute", "samples", 66.6): 2 * ("Here it is as with all labels.",),
@@ -111,15 +111,15 @@ FEW_LABELS = [
             FEW,
             ANCESTORS,
             remark=remark,
-            theirs=Notes(remark=theirs),
+            theirs=Notes(theirs),
         )
         for share, remark, theirs in (
             (
                 1,
-                "PTAE is ahead with one training of three.",
-                "With one list both describe nothing.",
+                "PTAE is ahead with two lists of three; from the other one neither learns.",
+                "PGAE was trained in another way, with half of each batch labelled.",
             ),
-            (2, "", "PTAE is behind with one list of three."),
+            (2, "", "PGAE was trained in another way, with half of each batch labelled."),
             (10, "", ""),
         )
     ),

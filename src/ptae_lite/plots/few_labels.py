@@ -174,7 +174,7 @@ def paired(points: pd.DataFrame, names: tuple[str, str], group: str, end: float 
     """
     figure, axes = plt.subplots(figsize=(style.WIDTH, 4.2))
     axes.plot([0, end], [0, end], color=style.GREY, lw=1.2)
-    _note(axes, 0.62 * end, 0.74 * end, f"{names[1].split(',')[0]} is better", "right")
+    _note(axes, 0.58 * end, 0.86 * end, f"{names[1].split(',')[0]} is better", "right")
     _note(axes, 0.99 * end, 0.46 * end, f"{names[0].split(',')[0]} is better", "right")
     paint = plt.get_cmap("viridis")(np.linspace(0, 0.85, points[group].nunique()))
     shapes = ("o", "s", "^", "D", "v", "P", "X", "p")

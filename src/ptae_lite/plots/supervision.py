@@ -26,7 +26,7 @@ LOOKS = {  # colour, line style, mark; the paper's points have the same colour
 NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear baseline"}
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
-MAIN = {"ptae": "paper", "pgae": "paper", "pvae": "balanced", "linear": "random"}  # the curves
+MAIN = ("paper", "balanced", "random")  # a curve has the first of these variants that there is
 LONGER = {  # hollow marks of longer trainings: their label and size
     "long": (f"{VARIANTS['long'].times} times as long", 6),
     "paper-length": ("as long as the paper's", 9),
@@ -35,7 +35,7 @@ KINDS = {  # of trainings in `by_samples_seen`, with their labels
     "all labels": "all labels",
     "iterations, paper": "iterations",
     **{f"iterations, {variant}": f"iterations, {label}" for variant, (label, _) in LONGER.items()},
-    "samples, balanced": "samples, balanced",
+    "samples, balanced": "samples, half of each batch",
     "samples, paper": "samples, once an epoch",
 }
 PAPER = "the paper's text"
@@ -49,8 +49,10 @@ PAPERS = (  # the three figures of the paper
 def rows_of(table: pd.DataFrame, model: str, mode: str, variant: str | None = None) -> pd.DataFrame:
     """The rows of one curve, with those of the regular training. None for the main variant."""
     mine = table[(table["model"] == model) & (table["mode"] == mode)]
-    wanted = mine["variant"] == (variant or MAIN[model])
-    return mine[wanted | (mine["share"] == REGULAR[mode])]
+    regular = mine["share"] == REGULAR[mode]
+    there = set(mine["variant"][~regular])
+    own = variant or next((name for name in MAIN if name in there), None)
+    return mine[regular | (mine["variant"] == own)]
 
 
 def by_share(table: pd.DataFrame) -> Figure:

@@ -19,7 +19,7 @@ from ptae_lite.experiments.supervision_grid import SHARES, Job
 from ptae_lite.language import SYNONYMS, Meaning
 from ptae_lite.models import MODELS
 from ptae_lite.plots import style
-from ptae_lite.plots.supervision import LABELS, MAIN, NAMES, draw_measure, rows_of, shared_legend
+from ptae_lite.plots.supervision import LABELS, NAMES, draw_measure, rows_of, shared_legend
 from ptae_lite.widgets.panel_frames import as_html
 from ptae_lite.widgets.panels import Panel
 from ptae_lite.widgets.train_button import TrainButton
@@ -119,7 +119,7 @@ def train_panel(samples, table, said, epochs: int = 15, seed: int = 0, **start) 
                 tell(f"training {NAMES[model]}: epoch {number} of {epochs}")
                 yield number
 
-        job = Job(model, mode, MAIN[model], share, seed)
+        job = Job(model, mode, "paper", share, seed)
         try:
             recipe = replace(MODELS[model].recipe, epochs=epochs)
             trained = fit(samples, job, recipe, progress=counted)
