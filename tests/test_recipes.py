@@ -40,7 +40,7 @@ def test_each_choice_changes_what_it_says_and_nothing_else(few):
         regular = asdict(MODELS[model].recipe) | {"seed": 4}
         if mode == "iterations":
             assert found.labels == Labels("few updates")
-            regular |= {"balanced": False, "supervised": share / 100}
+            regular |= {"supervised": share / 100}
         else:
             assert found.labels == (Labels("random", 10) if share == 10 else Labels())
         assert asdict(found.recipe) == regular | recipes.CHOICES[choice].changes[model]
