@@ -410,15 +410,14 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(table, theirs):
     )
     paper = reported.BY_SHARE["ptae", DESCRIBE, "samples"][10].value
     finding(lists[10].min() > paper + 10, *where, "with a tenth more than the paper's")
-    others = lists[1].drop(lists[1].idxmin())
     paper = reported.BY_SHARE["ptae", DESCRIBE, "samples"][1].value
-    finding(others.max() < paper - 5, *where, "below the paper's number with the others")
+    finding(lists[1].max() < paper - 5, *where, "with the fewest below the paper's number")
     assert (lists[1] < CHANCE).sum() == 1  # "at chance with one list", a reason in the card
     assert (listed(table, "ptae")[1] < CHANCE).sum() == 1  # the same
     sums, pgae = listed(theirs, "linear"), mean(theirs, "pgae")
     lead = (lists - sums).dropna().sort_index()
     finding(lead.drop(100).min() > 0, *where, "the baseline is behind with every list")
-    finding(lead[[5, 10]].min() > 15, *where, "and far behind from a twentieth to a tenth")
+    finding(lead[[5, 10]].min() > 15, *where, "nearly enough for PTAE, and not for the baseline")
     half = reported.BY_SHARE["pgae", DESCRIBE, "samples"][50].value
     finding(
         pgae[50] > half + 5,
@@ -429,11 +428,13 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(table, theirs):
     finding(pgae[10] + 10 < pvae[10] < ptae[10] - 3, *where, "PVAE lies between them with a tenth")
     finding((ptae - pvae)[[20, 50]].max() < 5, *where, "then near PTAE")
     few = mean(theirs, "ptae", "iterations")
-    finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and about half")
+    finding(85 < few[2] < 98 and 40 < few[1] < 60, *where, "misses a few, and many")
     gap = (listed(theirs, "ptae") - listed(theirs, "pgae")).dropna()
     assert gap[[2, 10]].groupby("share").size().min() == 3
     finding(gap[[2, 5, 10, 20]].min() > 0, *where, "PGAE describes less from two percent on")
     assert gap[10].min() > 10  # "far better", in the card
+    both = only(theirs, "balanced") - only(theirs, "balanced", model="pgae")
+    assert both[10].min() > 10 and (both[2] > 0).sum() == 2  # "with PTAE trained so as well", too
     errors = {model: mean(theirs, model, column=EXECUTE) for model in ("ptae", "pgae")}
     finding(max(e[1] for e in errors.values()) < 1, *where, "far below what the paper says")
     assert errors["pgae"][66.6] < 1.1 * errors["pgae"][100]  # "no jump, on either data set"

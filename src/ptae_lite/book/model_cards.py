@@ -72,8 +72,7 @@ def _of_policy(about: dict) -> pd.DataFrame:
 def _of_labelled(share: float) -> Callable[[dict], pd.DataFrame]:
     def rows(about: dict) -> pd.DataFrame:
         found = _table("supervision").query("data == 'recording' and model == 'ptae'")
-        found = found[(found["variant"] == "paper") & (found["share"] == share)]
-        return found.assign(stored=False)  # the table has other trainings with these labels
+        return _stored(found[(found["variant"] == "paper") & (found["share"] == share)], about)
 
     return rows
 
