@@ -73,8 +73,8 @@ def test_a_search_runs_what_is_missing_seed_by_seed(few, asked, tmp_path):
         search((0,), "guess")
     with pytest.raises(ConfigError, match="no model 'prae'; there are ptae; pgae; pvae"):
         recipes.grid(models=("prae",))
-    with pytest.raises(ConfigError, match="no training is of pgae, samples, slow, 100 together"):
-        recipes.grid(models=("pgae",), choices=("slow",), shares=(100,), modes=("samples",))
+    with pytest.raises(ConfigError, match="no training is of pvae, samples, slow, 100 together"):
+        recipes.grid(models=("pvae",), choices=("slow",), shares=(100,), modes=("samples",))
 
 
 @pytest.mark.parametrize(("share", "labelled"), [(100.0, 552), (10.0, 56)])
@@ -110,7 +110,7 @@ def test_the_seconds_until_all_are_described(few, trained, monkeypatch):
 
 def test_the_command_runs_the_search(few, asked, monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("ptae_lite.data.samples.load_samples", lambda *_: few)
-    options = ["--variants", "slow", "--seeds", "2", "--out", str(tmp_path), "--json"]
-    assert cli.main(["study", "recipes", *options]) == 0
+    options = ["--models", "ptae", "--variants", "slow", "--seeds", "2", "--out", str(tmp_path)]
+    assert cli.main(["study", "recipes", *options, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] == 1
     assert asked[0].recipe.muon_lr == MODELS["ptae"].recipe.muon_lr / 2

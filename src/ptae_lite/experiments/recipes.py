@@ -46,23 +46,36 @@ class Choice(NamedTuple):
 
 
 TRAINED = ("ptae", "pgae", "pvae")
-RATE, EPOCHS = Recipe().muon_lr, Recipe().epochs
+RATE = Recipe().muon_lr
+
+
+def _with(changes: dict, *models: str) -> dict[str, dict]:
+    """The same changes for these models, or for all."""
+    return dict.fromkeys(models or TRAINED, changes)
+
+
+def _times(factor: float, *models: str) -> dict[str, dict]:
+    """So many times the epochs."""
+    return {name: {"epochs": int(factor * MODELS[name].recipe.epochs)} for name in models}
+
+
 CHOICES = {
-    "regular": Choice("the regular recipe", dict.fromkeys(TRAINED, {}), iterations=FEW),
+    "regular": Choice("the regular recipe", _with({}), iterations=FEW),
     "adam": Choice("Adam alone, with the rates that were best for it", ADAM, iterations=FEW),
-    "no-decay": Choice(
-        "no weight decay", dict.fromkeys(("ptae", "pgae"), {"muon_decay": 0.0}), iterations=FEW
-    ),
-    "slow": Choice("half of Muon's learning rate", {"ptae": {"muon_lr": RATE / 2}}, (ALL,)),
-    "fast": Choice("twice Muon's learning rate", {"ptae": {"muon_lr": RATE * 2}}, (ALL,)),
-    "short": Choice("half the epochs", {"ptae": {"epochs": EPOCHS // 2}}, (TENTH,)),
-    "long": Choice("twice the epochs", {"ptae": {"epochs": EPOCHS * 2}}, (ALL,)),
-    "no-mixup": Choice("no mixup of clips", {"ptae": {"mixup": False}}),
-    "one-learning-rate": Choice(
-        "the action decoder no faster than the rest", {"ptae": {"action_lr_scale": 1.0}}, (ALL,)
-    ),
-    "balanced": Choice("half of each batch has a label", {"ptae": {"balanced": True}}, (TENTH,)),
-}
+    "no-decay": Choice("no weight decay", _with({"muon_decay": 0.0}, "ptae", "pgae"),
+                       iterations=FEW),
+    "slow": Choice("half of Muon's learning rate",
+                   _with({"muon_lr": RATE / 2}, "ptae", "pgae"), (ALL,)),
+    "fast": Choice("twice Muon's learning rate",
+                   _with({"muon_lr": RATE * 2}, "ptae", "pgae"), (ALL,)),
+    "short": Choice("half the epochs", _times(1 / 2, "ptae")),
+    "long": Choice("twice the epochs", _times(2, "ptae", "pgae"), (ALL,)),
+    "no-mixup": Choice("no mixup of clips", _with({"mixup": False}, "ptae", "pgae")),
+    "one-learning-rate": Choice("the action decoder no faster than the rest",
+                                _with({"action_lr_scale": 1.0}, "ptae"), (ALL,)),
+    "balanced": Choice("half of each batch has a label", _with({"balanced": True}, "ptae"),
+                       (TENTH,)),
+}  # fmt: skip
 SEEDS = (0, 1)  # of every choice; the regular recipes have five
 KEY = ["data", "model", "mode", "share", "choice", "seed"]
 
