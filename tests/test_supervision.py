@@ -311,7 +311,9 @@ def test_the_grid_holds_both_experiments_three_times_and_no_training_twice():
             shares = {j.share for j in mine if (j.mode, j.variant) == ("iterations", "paper")}
             assert shares | {66.6} == set(supervision_grid.SHARES["iterations"])
             assert [j.share for j in mine if j.regular] == [100]
-    assert len({j.share for j in grid if j.model == "pvae"}) == 5
+    for variant, shares in (("paper", 5), ("balanced", 4)):
+        mine = [j for j in grid if j.model == "pvae" and j.variant == variant]
+        assert len(mine) == 3 * shares
     assert len({j.seed for j in grid if j.model == "linear" and j.share == 10}) == 20
     core = [j for j in grid if j.variant == "paper" and j.mode == "iterations"]
     assert [j.seed for j in core if j.model == "ptae"] == [0] * 5 + [1] * 5 + [2] * 5

@@ -249,9 +249,9 @@ def test_which_words_are_lost_with_a_tenth_of_the_samples(table):
     )
     speed = {model: own["speed_accuracy"] for model, own in words.items()}
     finding(
-        speed["ptae"] > 99 and max(speed["pgae"], speed["pvae"]) < 99,
+        speed["ptae"] > 99.9 and speed["pgae"] < 98,
         *where,
-        "PTAE keeps the speed, PGAE and PVAE lose some of it",
+        "PTAE keeps the speed, PGAE loses some of it",
     )
     less = words["ptae"] - words["pvae"]
     finding(
@@ -337,6 +337,19 @@ def test_showing_few_labels_more_often_helps_hardly_anywhere(table, theirs):
     assert found.notna().all(axis=None) and len(found) == 4
     gain = (found["regular"] - found["balanced"]).sort_index()
     finding(gain.min() >= 0 and gain["authors"].min() > 20, *where, "with either of two seeds")
+
+
+def test_showing_few_labels_more_often_helps_pgae_and_ptae_stays_ahead(table, theirs):
+    where = OFTEN_PAGE, "Shown more often"
+    for rows in (table, theirs):
+        gain = (only(rows, "balanced", model="pgae") - only(rows, "paper", model="pgae"))[10]
+        finding(gain.min() > 3 and 7 < gain.mean() < 13, *where, "PGAE describes more")
+        ways = {
+            model: [only(rows, variant, model=model)[10] for variant in ("paper", "balanced")]
+            for model in ("ptae", "pgae")
+        }
+        worst, best = min(map(min, ways["ptae"])), max(map(max, ways["pgae"]))
+        finding(worst > best + 5, *where, "PTAE is far ahead, whichever way both are trained")
 
 
 def test_choosing_labels_helps_no_learner_and_more_of_them_do(table):
@@ -433,8 +446,6 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(table, theirs):
     assert gap[[2, 10]].groupby("share").size().min() == 3
     finding(gap[[2, 5, 10, 20]].min() > 0, *where, "PGAE describes less from two percent on")
     assert gap[10].min() > 10  # "far better", in the card
-    both = only(theirs, "balanced") - only(theirs, "balanced", model="pgae")
-    assert both[10].min() > 10 and (both[2] > 0).sum() == 2  # "with PTAE trained so as well", too
     errors = {model: mean(theirs, model, column=EXECUTE) for model in ("ptae", "pgae")}
     finding(max(e[1] for e in errors.values()) < 1, *where, "far below what the paper says")
     assert errors["pgae"][66.6] < 1.1 * errors["pgae"][100]  # "no jump, on either data set"

@@ -100,6 +100,7 @@ def grid(seeds=None, core: bool = False) -> list[Job]:
     for seed in () if core else seeds:
         for model in ("ptae", "pgae"):
             more(model, "samples", "balanced", seed, *SHARES["samples"])
+        more("pvae", "samples", "balanced", seed, 2, 10, 20, 50)
         more("ptae", "samples", "covering", seed, 2)
         more("ptae", "samples", "shuffled-scenes", seed, 10, 50)
         more("ptae", "samples", "pseudo-labels", seed, 10)

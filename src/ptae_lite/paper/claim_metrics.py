@@ -153,7 +153,7 @@ def with_labels(model: str, column: str, mode: str, share: float):
     With few iterations, `BEST_FIRST` says which trainings count: in a short one labels may be too
     seldom to judge the share.
     """
-    variants = ("paper", "balanced") if mode == "samples" else BEST_FIRST
+    variants = ("paper",) if mode == "samples" else BEST_FIRST
 
     def values(tables: Tables) -> pd.Series:
         rows = tables.supervision

@@ -26,7 +26,7 @@ LOOKS = {  # colour, line style, mark; the paper's points have the same colour
 NAMES = {"ptae": "PTAE", "pgae": "PGAE", "pvae": "PVAE", "linear": "linear baseline"}
 WHAT = {"samples": "labelled samples, %", "iterations": "supervised iterations, %"}
 LABELS = {"describe_accuracy": "describe accuracy, %", "execute_nrmse": "execute NRMSE, %"}
-MAIN = ("paper", "balanced", "random")  # a curve has the first of these variants that there is
+MAIN = ("paper", "random")  # the variant of a network's curve, and of the linear baseline's
 LONGER = {  # hollow marks of longer trainings: their label and size
     "long": (f"{VARIANTS['long'].times} times as long", 6),
     "paper-length": ("as long as the paper's", 9),
