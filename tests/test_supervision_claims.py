@@ -474,6 +474,24 @@ def test_held_out_patterns_choose_the_regular_recipe():
         "How a recipe is chosen",
         "about half the error on held-out patterns",
     )
+    others = found.drop(columns="regular")
+    assert (others.count() == 2).all()
+    where = "in_depth/03_muon", "How a recipe is chosen"
+    finding((others.gt(found["regular"], axis=0)).all(axis=None), *where, "the smallest error")
+    dearer = found["short"] / found["regular"]
+    finding(dearer.between(1.1, 1.3).all(), *where, "half the epochs cost a fifth more error")
+
+
+def test_on_held_out_patterns_no_other_choice_brings_pgae_its_last_sentences():
+    found = pd.read_csv(artefacts.stored("results/recipes.csv"))
+    found = found.query("data == 'recording' and model == 'pgae' and share == 100 and seed < 2")
+    found = found.set_index(["choice", "seed"])[DESCRIBE].unstack("choice").dropna(axis=1)
+    where = "in_depth/03_muon", "How a recipe is chosen"
+    gained = found.sub(found["regular"], axis=0)
+    finding(gained[["slow", "fast"]].min().max() < -3, *where, "each loses")
+    finding(
+        0 <= gained["long"].min() < gained["long"].max() < 2, *where, "twice the epochs: a clip"
+    )
 
 
 def test_on_held_out_patterns_the_models_move_alike_and_pgae_leaves_clips_undescribed():
