@@ -292,6 +292,7 @@ def test_execute_by_model(table):
         *where,
         "down to thirteen labels PTAE's error rises by a half, PVAE's by less, PGAE's doubles",
     )
+    finding(ptae[5] < 1.12 * ptae[100], *where, "down to a twentieth it hardly suffers in PTAE")
 
 
 def test_our_trainings_are_far_shorter_than_the_papers(table):
@@ -350,10 +351,10 @@ def test_showing_few_labels_more_often_helps_pgae_and_ptae_stays_ahead(table, th
         for model in ("pgae", "pvae"):
             once, often = (way.groupby("share").mean() for way in ways[model])
             gain[model, data] = often - once
-        worst = min(way[[10, 20]].min() for way in ways["ptae"])
-        best = max(way[10].max() for way in ways["pgae"])
-        finding(worst > best + 5, *where, "PTAE is far ahead, whichever way both are trained")
-        assert min(way[20].min() for way in ways["ptae"]) > max(w[20].max() for w in ways["pgae"])
+        for share in (10, 20):
+            worst = min(way[share].min() for way in ways["ptae"])
+            best = max(way[share].max() for way in ways["pgae"])
+            finding(worst > best + 8, *where, "PTAE is far ahead, whichever way both are trained")
     for data in ("ours", "theirs"):
         finding(gain["pgae", data][[10, 20]].min() > 3, *where, "PGAE describes more")
     finding(gain["pgae", "ours"][[2, 5]].max() < 0, *where, "and on ours less with fewer")
@@ -455,6 +456,9 @@ def test_on_the_authors_data_most_levels_of_ptae_come_out(table, theirs):
     gap = (listed(theirs, "ptae") - listed(theirs, "pgae")).dropna()
     assert gap[[2, 10]].groupby("share").size().min() == 3
     finding(gap.min() > 0, *where, "PGAE describes less at every share")
+    for rows in (table, theirs):  # "on both there is a list from which neither learns", in the card
+        both = pd.concat([listed(rows, "ptae")[1], listed(rows, "pgae")[1]], axis=1)
+        assert (both < CHANCE).all(axis=1).sum() == 1
     assert gap[10].min() > 10  # "far better", in the card
     errors = {model: mean(theirs, model, column=EXECUTE) for model in ("ptae", "pgae")}
     finding(max(e[1] for e in errors.values()) < 1, *where, "far below what the paper says")
