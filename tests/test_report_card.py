@@ -277,6 +277,13 @@ def test_most_claims_in_words_hold_and_fewer_than_half_of_the_numbers(rows):
     assert by_group["Conflict"] < 0.4
 
 
+def test_half_of_the_claims_about_pgae_did_not_show(rows):
+    own = rows[(rows["group"] == "Few labels") & rows["claim"].str.startswith("PGAE")]
+    for column in ("verdict", "verdict_theirs"):
+        held = own[column].str.startswith("held")
+        assert len(own) == 10 and held.sum() == 5
+
+
 def test_what_the_chapter_says_of_the_groups(rows):
     by_claim = rows.set_index("claim")
     held = by_claim["verdict"].str.startswith("held")

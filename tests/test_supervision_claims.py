@@ -4,15 +4,18 @@ Numbers in the text come from the tables by themselves. Here are the findings: o
 Each test names the sentence that must change if new results turn its finding round.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from ptae_lite import artefacts
 from ptae_lite.baselines import references
+from ptae_lite.data.batches import epoch_batches
 from ptae_lite.data.samples import load_samples
 from ptae_lite.data.scaling import fit_scaling
-from ptae_lite.data.signals import Source
+from ptae_lite.data.signals import PTAE_MIX, Source, signal_number
 from ptae_lite.evaluation import CHANCE, correct, respond, word_accuracy
 from ptae_lite.experiments import recipes
 from ptae_lite.experiments.supervision_grid import SHARES
@@ -539,6 +542,37 @@ def test_on_the_test_clips_adam_alone_describes_more_too(table, theirs):
     finding((error["adam-long"] < shorter).all(), *where, "after the longer training, the smaller")
     whole = of(theirs, "adam-paper-length")["min"], of(theirs, "adam-paper-length", EXECUTE)["min"]
     finding(whole[0][1] == 100 and whole[1][1] < 0.1, *where, "the longest misses none")
+
+
+def test_with_a_hundredth_of_the_iterations_many_labels_are_never_used():
+    samples = load_samples("recording")
+    recipe = replace(MODELS["ptae"].recipe, supervised=0.01)
+    train = samples.split("train")
+    rng, used = np.random.default_rng(recipe.seed), set()
+    names = PTAE_MIX.limited
+    need_label = [signal_number(signal) for signal in names[1]]
+    for _ in range(recipe.epochs):
+        for part, signals in epoch_batches(rng, train, None, recipe, names):
+            used.update(part[np.isin(signals, need_label)])
+    where = OFTEN_PAGE, "The test clips, with Adam alone"
+    finding(0 < len(used) < 0.7 * len(train), *where, "many labels were never used")
+
+
+def test_adams_longer_trainings_keep_the_larger_error_on_our_recording(table):
+    errors = {
+        variant: table.query(f"model == 'ptae' and mode == 'iterations' and variant == '{variant}'")
+        .groupby("share")[EXECUTE]
+        .agg(["min", "max"])
+        for variant in ("adam-long", "paper")
+    }
+    long = errors["adam-long"]
+    assert list(long.index) == [1, 2, 10]
+    finding(
+        (long["min"] > errors["paper"].loc[long.index, "max"]).all(),
+        OFTEN_PAGE,
+        "The test clips, with Adam alone",
+        "its joint error stays the larger one",
+    )
 
 
 def test_how_many_uses_are_enough_depends_on_the_recording(table, theirs):
