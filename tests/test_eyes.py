@@ -14,7 +14,7 @@ import ptae_lite.__main__ as cli
 from ptae_lite import artefacts, vision
 from ptae_lite.data import frames
 from ptae_lite.data.samples import with_features, write_features
-from ptae_lite.errors import ArtefactError, RecordingError
+from ptae_lite.errors import ArtefactError, ConfigError, RecordingError
 from ptae_lite.experiments import encoder_scores, encoders, encoders_in_use, runner
 from ptae_lite.experiments.encoder_training import folder_of
 from ptae_lite.experiments.experiment import Experiment
@@ -416,7 +416,7 @@ def asked(monkeypatch, trained):
 def test_ptae_is_trained_on_what_the_eye_sees_and_scored_on_it(seen, work, asked, tmp_path):
     table = encoders_in_use.study(seen, tmp_path, work, (1,))
     assert asked == [(4, 4, 1), (4, 4, 1), (3, 3, 1)]
-    row = table.set_index(encoders_in_use.KEY).loc["plain 10", 1, 160]
+    row = table.set_index(encoders_in_use.KEY).loc["ptae", "plain 10", 1, 160]
     assert (row["steps"], row["describe_accuracy"], row["width"]) == (7, 50.123, 4)
     assert row["device"] == "cuda" and row["seconds"] == 3
 
@@ -427,20 +427,27 @@ def test_the_ptae_study_does_what_is_missing(seen, work, asked, tmp_path):
     table = encoders_in_use.study(seen, tmp_path, work, (0, 1))
     assert [seed for *_, seed in asked] == [0, 0, 1, 1, 1]
     assert table[encoders_in_use.KEY].values.tolist() == [
-        ["PCA 30", 0, 8], ["PCA 30", 1, 8], ["plain 10", 0, 40], ["plain 10", 1, 40],
-        ["plain 10", 1, 160],
+        ["ptae", "PCA 30", 0, 8], ["ptae", "PCA 30", 1, 8], ["ptae", "plain 10", 0, 40],
+        ["ptae", "plain 10", 1, 40], ["ptae", "plain 10", 1, 160],
     ]  # fmt: skip
 
 
 def test_rows_that_are_stored_are_not_made_again(seen, asked, tmp_path):
     stored = pd.read_csv(shutil.copy(artefacts.stored("results/encoders_in_use.csv"), tmp_path))
-    for encoder, seed, length in stored[encoders_in_use.KEY].itertuples(index=False):
-        path = encoders_in_use.features_of(tmp_path / "work", encoder, seed, length)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
-    table = encoders_in_use.study(seen, tmp_path, tmp_path / "work")
-    assert not asked
-    pd.testing.assert_frame_equal(table, stored)
+    for model, rows in stored.groupby("model"):
+        work = tmp_path / model
+        for encoder, seed, length in rows[encoders_in_use.KEY[1:]].itertuples(index=False):
+            path = encoders_in_use.features_of(work, encoder, seed, length)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+        table = encoders_in_use.study(seen, tmp_path, work, models=[model])
+        assert not asked
+        pd.testing.assert_frame_equal(table, stored)
+
+
+def test_a_model_that_no_encoder_is_followed_by_is_refused(seen, work, tmp_path):
+    with pytest.raises(ConfigError, match="ptae; ptae_adam"):
+        encoders_in_use.study(seen, tmp_path, work, models=["pgae"])
 
 
 def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path):
@@ -452,7 +459,8 @@ def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path
     ("name", "module", "given", "own", "more"),
     [("encoders", encoders, ["of R", "R", "T", "W", [0, 2]], ["--recording", "R"],
       {"device": "cpu", "long": False}),
-     ("encoders-in-use", encoders_in_use, ["stored", "T", "W", [0, 2]], [], {"cluster": None})],
+     ("encoders-in-use", encoders_in_use, ["stored", "T", "W", [0, 2], ("ptae",)], [],
+      {"cluster": None})],
 )  # fmt: skip
 def test_the_commands_run_the_studies(
     monkeypatch, capsys, tmp_path, name, module, given, own, more

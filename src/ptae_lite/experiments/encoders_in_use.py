@@ -1,7 +1,8 @@
 """How well does PTAE do with the features of each encoder in the study `encoders`?
 
-Every training has the recipe with Adam, on the CPU; only the features differ. `device` is the one
-on which the encoder was trained.
+Every PTAE is trained on the CPU; only the features differ. `device` is the one on which the encoder
+was trained. Behind encoders that were trained four times as long, and longer, the stored table has
+PTAE with Adam alone only (`ptae_adam`).
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from ptae_lite.experiments import options
 from ptae_lite.experiments.encoder_training import folder_of
 from ptae_lite.experiments.encoders import CAES, PCAS
 from ptae_lite.experiments.experiment import Experiment, experiment
-from ptae_lite.experiments.runner import Study, run
+from ptae_lite.experiments.runner import Study, check_names, run
 from ptae_lite.models import ADAM
 from ptae_lite.models.checkpoint import Trained
 
-KEY = ["encoder", "seed", "samples_seen"]
+RECIPES = {"ptae": {}, "ptae_adam": ADAM["ptae"]}  # how they differ from the regular recipe
+KEY = ["model", "encoder", "seed", "samples_seen"]
 FILE = "encoders_in_use.csv"
 NAME = f"results/{FILE}"
 
@@ -57,19 +59,21 @@ def features_of(work, encoder: str, seed: int, samples_seen: int) -> Path:
     return folder / f"features_{samples_seen}.npz"
 
 
-def see(work, samples: Samples, *job) -> Samples:
+def see(work, samples: Samples, model: str, *encoder) -> Samples:
     """The samples with the features of an encoder."""
-    return data.with_features(samples, features_of(work, *job))
+    return data.with_features(samples, features_of(work, *encoder))
 
 
-def experiment_of(samples: Samples, encoder: str, seed: int, samples_seen: int) -> Experiment:
+def experiment_of(
+    samples: Samples, model: str, encoder: str, seed: int, samples_seen: int
+) -> Experiment:
     """The training of a row."""
-    return experiment(samples, recipe=ADAM["ptae"], seed=seed)
+    return experiment(samples, recipe=RECIPES[model], seed=seed)
 
 
 def score(work, trained: Trained, samples: Samples, *job) -> pd.DataFrame:
     """A row: the scores of PTAE on the test samples, with the features of that encoder."""
-    weights = features_of(work, *job).with_name(f"encoder_{job[2]}.safetensors")
+    weights = features_of(work, *job[1:]).with_name(f"encoder_{job[-1]}.safetensors")
     device = artefacts.load_weights(weights)[1].get("device", "cpu")
     row = dict(zip(KEY, job, strict=True)) | {"device": device}
     row |= {"steps": trained.about["steps"], "seconds": round(trained.about["seconds"])}
@@ -84,25 +88,40 @@ def stored() -> pd.DataFrame:
     return pd.DataFrame(columns=[*KEY, "describe_accuracy", "execute_nrmse"])
 
 
-def study(samples: Samples, folder, work, seeds=(0, 1, 2), **where) -> pd.DataFrame:
+def study(
+    samples: Samples, folder, work, seeds=(0, 1, 2), models=("ptae",), **where
+) -> pd.DataFrame:
     """Train a PTAE for every encoder, one seed after the other; see `runner.run`.
 
     Args:
         work: the folder of the encoders' features, which the study `encoders` writes.
+        models: names in `RECIPES`.
+
+    Raises:
+        ConfigError: there is no such model.
     """
+    check_names(models, RECIPES, "model")
     made = Study(FILE, KEY, experiment_of, partial(score, work), see=partial(see, work))
-    return run(made, samples, jobs_in(work, seeds), folder, **where)
+    jobs = [(model, *encoder) for model in models for encoder in jobs_in(work, seeds)]
+    return run(made, samples, jobs, folder, **where)
 
 
 def add_options(parser: ArgumentParser) -> None:
     """Add the options of the study."""
     options.trainings(parser)
     parser.add_argument("--encoders", default="build/encoders", help="folder of the CAEs' features")
+    parser.add_argument("--models", nargs="+", metavar="NAME", default=("ptae",),
+                        help=", ".join(RECIPES))  # fmt: skip
 
 
 def command(given) -> dict:
     """Run the study with its options; returns what the command prints."""
     table = study(
-        data.load_samples(), given.out, given.encoders, given.seeds, **options.where(given)
+        data.load_samples(),
+        given.out,
+        given.encoders,
+        given.seeds,
+        given.models,
+        **options.where(given),
     )
     return options.result(given, FILE, table)
