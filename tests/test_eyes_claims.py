@@ -277,16 +277,69 @@ def test_against_ten_plain_numbers_the_lead_grows_with_the_length(means):
     assert (np.diff(leads) > 0).all()
 
 
-@pytest.fixture(scope="module")
-def in_use():
-    """PTAE's scores by eye, for each of the lengths that it was trained with, and with PCAs."""
+def by_length(model):
+    """A model's scores by encoder, for each length of the encoders' training, and with PCAs."""
     rows = encoders_in_use.stored()
-    rows = rows[rows["model"] == "ptae_adam"]
+    rows = rows[rows["model"] == model]
     found = {
         what: rows[rows["samples_seen"] == rows["encoder"].map(lengths)].set_index("encoder")
         for what, lengths in encoders.IN_USE.items()
     }
     return found | {"PCA": rows[rows["encoder"].isin(encoders.PCAS)].set_index("encoder")}
+
+
+@pytest.fixture(scope="module")
+def in_use():
+    """With Adam alone."""
+    return by_length("ptae_adam")
+
+
+@pytest.fixture(scope="module")
+def regular():
+    """With the recipe of chapter 03, by encoder: after equal images, at equal compute, PCAs."""
+    found = by_length("ptae")
+    return [found[what] for what in ("equal images seen", "equal compute", "PCA")]
+
+
+def test_the_regular_recipe_has_three_seeds_behind_each_encoder(regular):
+    rows = encoders_in_use.stored().query("model == 'ptae'")
+    assert set(rows["encoder"]) == {*encoders.CAES, *encoders.PCAS} and len(rows) == 24
+    for found in regular:
+        assert found.groupby("encoder")["seed"].agg(set).eq({0, 1, 2}).all()
+
+
+def seed_by_seed(rows, column):
+    return rows.reset_index().set_index(["encoder", "seed"])[column].unstack("encoder")
+
+
+def test_ptae_describes_better_with_the_separated_encoder_than_with_plain_ones(regular, in_use):
+    for rows in regular[:2]:
+        words = seed_by_seed(rows, "describe_accuracy")
+        assert (words[SEPARATED] == 100).all()
+        assert words[[PLAIN_10, PLAIN_30]].mean().max() < 98
+    images, compute = (seed_by_seed(rows, "describe_accuracy") for rows in regular[:2])
+    assert (compute[[PLAIN_10, PLAIN_30]] < 100).all(axis=None)
+    assert images[PLAIN_10].max() > images[PLAIN_10].min() + 30  # it depends on the seed
+    gained = (compute - images).mean()
+    assert gained.idxmax() == PLAIN_10 and gained[PLAIN_10] > 20
+    for what in ("equal images seen", "equal compute"):  # "with both recipes"
+        words = in_use[what].groupby("encoder")["describe_accuracy"].mean()
+        assert words.idxmax() == SEPARATED
+
+
+def test_in_motion_the_large_plain_encoder_gains_on_the_separated_one(regular):
+    images, compute = (seed_by_seed(rows, "execute_nrmse") for rows in regular[:2])
+    assert images.idxmin(axis=1).eq(SEPARATED).all()
+    assert (compute[PLAIN_30] < compute[SEPARATED]).sum() == 2
+    assert (compute[PLAIN_10] > compute[SEPARATED]).all()
+
+
+def test_joint_pca_serves_ptae_best(regular):
+    images, compute, pcas = regular
+    joint = pcas.loc["PCA 30"]
+    others = pd.concat([images, compute, pcas.drop("PCA 30")])
+    assert (joint["describe_accuracy"] == 100).all()
+    assert joint["execute_nrmse"].max() < others["execute_nrmse"].min()
 
 
 @pytest.fixture(scope="module")
@@ -369,12 +422,13 @@ def test_joint_pca_serves_ptae_as_well(in_use, with_equal):
     assert joint["execute_nrmse"].max() < own["execute_nrmse"].min()
 
 
-def test_ptae_moves_better_than_a_plan_with_every_eye_but_one(in_use):
+def test_ptae_moves_better_than_a_plan_with_every_encoder_and_with_adam_but_one(in_use, regular):
     samples = load_samples()
     scaling = fit_scaling(samples, samples.split("train"))
     known = {name: error for name, (error, _) in references(samples, scaling).items()}
     plan = known["plan from the true places"]
     assert round(plan, 1) == 1.9 and round(known["mean of action word and side"], 1) == 2.8
+    assert max(rows["execute_nrmse"].max() for rows in regular) < plan
     errors = pd.concat(in_use.values())["execute_nrmse"]
     assert (errors.drop("PCA 10") < plan).all() and plan < errors["PCA 10"].min()
 
