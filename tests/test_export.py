@@ -6,7 +6,7 @@ import sys
 import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook
-from pages import chromium
+from pages import chromium, until
 
 CELLS = (
     "from ptae_lite.plots import style\n"
@@ -40,4 +40,4 @@ def test_a_panel_of_an_exported_notebook_moves_without_a_network(tmp_path, monke
         slider.press("ArrowRight")
         assert shown.get_attribute("alt") == "slope = 2"
         # a page that has its document may still load its pictures
-        assert shown.evaluate("image => image.decode().then(() => image.naturalWidth > 100)")
+        until(lambda: shown.evaluate("image => image.complete && image.naturalWidth > 100"))
