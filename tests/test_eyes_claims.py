@@ -321,7 +321,7 @@ def test_ptae_describes_better_with_the_separated_encoder_than_with_plain_ones(r
     assert (compute[[PLAIN_10, PLAIN_30]] < 100).all(axis=None)
     assert images[PLAIN_10].max() > images[PLAIN_10].min() + 30  # it depends on the seed
     gained = (compute - images).mean()
-    assert gained.idxmax() == PLAIN_10 and gained[PLAIN_10] > 20
+    assert gained[PLAIN_10] > 20 and -5 < gained[PLAIN_30] < 0
     for what in ("equal images seen", "equal compute"):  # "with both recipes"
         words = in_use[what].groupby("encoder")["describe_accuracy"].mean()
         assert words.idxmax() == SEPARATED
@@ -336,6 +336,7 @@ def test_in_motion_the_large_plain_encoder_gains_on_the_separated_one(regular):
 
 def test_joint_pca_serves_ptae_best(regular):
     images, compute, pcas = regular
+    assert (pcas.loc["PCA 3x10", "describe_accuracy"] == 100).all()
     joint = pcas.loc["PCA 30"]
     others = pd.concat([images, compute, pcas.drop("PCA 30")])
     assert (joint["describe_accuracy"] == 100).all()
@@ -406,6 +407,11 @@ def test_after_four_times_words_follow_the_colours_of_the_plain_eye(after_four, 
     assert motion[PLAIN_10].max() < with_equal.loc[PLAIN_10, "execute_nrmse"].min()
 
 
+def test_a_longer_training_helps_in_motion(after_four, with_equal):
+    errors = [rows.groupby("encoder")["execute_nrmse"].mean() for rows in (after_four, with_equal)]
+    assert (errors[0] < errors[1]).all()
+
+
 def test_after_eight_times_nothing_turns_round(in_use):
     rows = in_use["eight times as long"]
     words, motion = rows["describe_accuracy"], rows["execute_nrmse"]
@@ -427,7 +433,7 @@ def test_ptae_moves_better_than_a_plan_with_every_encoder_and_with_adam_but_one(
     scaling = fit_scaling(samples, samples.split("train"))
     known = {name: error for name, (error, _) in references(samples, scaling).items()}
     plan = known["plan from the true places"]
-    assert round(plan, 1) == 1.9 and round(known["mean of action word and side"], 1) == 2.8
+    assert round(plan, 1) == 1.9
     assert max(rows["execute_nrmse"].max() for rows in regular) < plan
     errors = pd.concat(in_use.values())["execute_nrmse"]
     assert (errors.drop("PCA 10") < plan).all() and plan < errors["PCA 10"].min()
