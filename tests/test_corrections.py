@@ -145,7 +145,7 @@ def test_the_planner_succeeds_where_the_unaware_one_fails(simulator):
 @pytest.mark.slow
 def test_from_any_disturbed_state_the_planner_succeeds_in_99_of_100(simulator):
     rng = np.random.default_rng(2)
-    assert sum(succeeds(Planner, *disturbed(rng, number)) for number in range(100)) >= 99
+    assert sum(succeeds(Planner, *disturbed(rng, number)) for number in range(200)) >= 198
 
 
 def test_the_unaware_planner_goes_on_from_where_it_was_pushed():

@@ -322,7 +322,7 @@ def test_ptae_describes_better_with_the_separated_encoder_than_with_plain_ones(r
     assert images[PLAIN_10].max() > images[PLAIN_10].min() + 30  # it depends on the seed
     gained = (compute - images).mean()
     assert gained[PLAIN_10] > 20 and -5 < gained[PLAIN_30] < 0
-    for what in ("equal images seen", "equal compute"):  # "with both recipes"
+    for what in ("equal images seen", "equal compute"):  # with Adam alone, too
         words = in_use[what].groupby("encoder")["describe_accuracy"].mean()
         assert words.idxmax() == SEPARATED
 

@@ -367,10 +367,7 @@ def test_every_action_of_the_front_page_is_a_scene_that_plays(browser):
         for positions in product(*(range(count) for *_, count in controls)):
             for (_, control, _), position in zip(controls, positions, strict=True):
                 put(control, position)
-            scene = ready(panel.locator(f"{SCENE}:visible").first)
-            scene.locator("#play").click()
-            until(lambda scene=scene: frame_number(scene) > 0, message="it does not play")
-            scene.locator("#play").click()
+            check_scene(page, panel.locator(f"{SCENE}:visible").first)
 
 
 def test_panels_have_labels_and_can_be_reached_by_the_keyboard(browser):
