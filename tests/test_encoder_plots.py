@@ -35,16 +35,20 @@ def test_a_ruler_has_each_value_with_its_name():
 
 
 def test_an_arrow_leads_from_each_stage_to_the_next():
-    def stage(x, y):
-        return pd.DataFrame({"encoder": ["a"], "x": [x], "y": [y]})
+    def stage(**by_seed):
+        rows = [("a", seed, x, y) for seed, (x, y) in by_seed.items()]
+        return pd.DataFrame(rows, columns=["encoder", "seed", "x", "y"])
 
-    figure = encoders.in_use(
-        {"short": stage(2.0, 10.0), "long": stage(1.0, 20.0)}, stage(3.0, 5.0).head(0), "x", "y",
-        ("x", "y"), {},
-    )  # fmt: skip
-    (arrow,) = figure.axes[0].texts
-    assert arrow.arrow_patch is not None and arrow.xy == (1, 20)
-    assert (arrow.xyann[0], arrow.xyann[1]) == (2, 10)
+    stages = {
+        "short": stage(s0=(1.0, 8.0), s1=(3.0, 12.0)),
+        "long": stage(s0=(0.5, 18.0), s1=(1.5, 22.0)),
+        "longest": stage(s1=(0.4, 30.0)),
+    }
+    figure = encoders.in_use(stages, stage(), "x", "y", ("x", "y"), {})
+    arrows = [(tuple(arrow.xyann), tuple(arrow.xy)) for arrow in figure.axes[0].texts]
+    assert all(arrow.arrow_patch is not None for arrow in figure.axes[0].texts)
+    # The last one joins a seed with itself: the longest training has only that one.
+    assert arrows == [((2, 10), (1, 20)), ((1.5, 22), (0.4, 30))]
 
 
 def test_the_code_is_the_narrowest_bar_of_the_funnel():

@@ -458,7 +458,7 @@ def test_without_features_the_study_of_ptae_says_how_to_make_them(seen, tmp_path
 @pytest.mark.parametrize(
     ("name", "module", "given", "own", "more"),
     [("encoders", encoders, ["of R", "R", "T", "W", [0, 2]], ["--recording", "R"],
-      {"device": "cpu", "long": False}),
+      {"device": "cpu", "long": False, "features": True}),
      ("encoders-in-use", encoders_in_use, ["stored", "T", "W", [0, 2], ("ptae",)], [],
       {"cluster": None})],
 )  # fmt: skip

@@ -20,9 +20,8 @@ from ptae_lite.files import file_lock
 from ptae_lite.progress import share_in
 from ptae_lite.reproduce import checks, pipeline, report, rerun, run_parallel
 from ptae_lite.reproduce.checks import arrays, judge, near, pictures, table
-from ptae_lite.reproduce.report import OF_A_MACHINE
 from ptae_lite.reproduce.rerun import Rerun, Settings
-from ptae_lite.reproduce.stages import STAGES, Stage
+from ptae_lite.reproduce.stages import OF_A_MACHINE, STAGES, Stage
 from ptae_lite.reproduce.view import View, duration
 
 CHECK = table(("model", "seed", "row"), {"accuracy": (0.5, 0)})
@@ -244,6 +243,17 @@ def test_a_stored_file_that_no_stage_makes_is_named(tiny, settings, capsys):
     again.go(io.StringIO())
     assert report.write(again) == 1
     assert "results/two.csv: no stage makes it" in capsys.readouterr().out
+
+
+def test_times_of_a_machine_are_there_for_the_book(tiny, settings, capsys):
+    (name,) = OF_A_MACHINE
+    (settings.stored / name).write_text("measure,value\n")
+    artefacts.register(name, command="x", seed=None, minutes=1, data=settings.stored)
+    stages = (stage("one"), stage("two"))
+    Rerun(settings, stages).go(io.StringIO())
+    assert artefacts.stored(name, settings.data).read_text() == "measure,value\n"
+    assert report.write(Rerun(settings, stages)) == 0
+    assert name not in (settings.out / "report.md").read_text()
 
 
 def test_without_a_simulator_its_files_are_taken_and_called_so(tiny, settings, capsys):
@@ -586,6 +596,13 @@ def test_time_left_follows_the_speed_of_this_machine():
     now[0] += 10 * 60
     view.tick(0.5)  # half of it in ten minutes: the stage knows better than the plan
     assert view.minutes_left() == 10 + 60
+    view.tick(0.2)  # a second part has begun: a share of what, nobody knows
+    assert view.minutes_left() == 30 + 60
+    view.tick(0.9)
+    assert view.minutes_left() == 30 + 60
+    view.begin(2)
+    view.tick(0.5)
+    assert view.minutes_left() == 0  # a new stage, at once half done
 
 
 def test_a_terminal_gets_one_line_and_a_log_few():

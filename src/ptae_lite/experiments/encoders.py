@@ -132,8 +132,10 @@ def score(
 STUDY = Study(FILE, KEY[:3], experiment_of, score, order=KEY)
 
 
-def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
-          device: str = "cpu", long: bool = False, **where) -> pd.DataFrame:  # fmt: skip
+def study(
+    samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoints=None,
+    device: str = "cpu", long: bool = False, features: bool = True, **where,
+) -> pd.DataFrame:  # fmt: skip
     """Make what is missing in `encoders.csv`: all CAEs of one seed, then of the next, then PCAs.
 
     Args:
@@ -143,6 +145,7 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
         checkpoints: numbers of images seen, by name of the CAE; None for `CHECKPOINTS`.
         device: where CAEs are trained. They are scored on the CPU.
         long: also train to the lengths in `LONG`. The reconstructions stay those of `checkpoints`.
+        features: also write the features of the encoders in `IN_USE` and of the PCAs.
         where: where the work is done, see `tables.run`.
     """
     drawn, further = checkpoints or CHECKPOINTS, LONG if long else {}
@@ -158,7 +161,8 @@ def study(samples: Samples, recording, folder, work, seeds=(0, 1, 2), checkpoint
 
     used = {(name, length) for one in IN_USE.values() for name, length in one.items()}
     seen = [weights(job) for job in caes if (job[0], job[2]) in used] + [*map(weights, pcas)]
-    tables.run(write_features, [(path, recording) for path in seen], lambda _: None, **where)
+    if features:
+        tables.run(write_features, [(path, recording) for path in seen], lambda _: None, **where)
     longest = [(name, seeds[0], max(own)) for name, own in drawn.items()]
     shown = {job[0]: weights(job) for job in longest + pcas}
     write_reconstructions(Path(folder) / RECONSTRUCTIONS, shown)
@@ -200,13 +204,16 @@ def add_options(parser: ArgumentParser) -> None:
                         help="where CAEs are trained, cpu or a GPU such as cuda")  # fmt: skip
     parser.add_argument("--long", action="store_true",
                         help="train the CAEs much further, for hours on a CPU")  # fmt: skip
+    parser.add_argument("--no-features", action="store_true",
+                        help="leave out the features for encoders-in-use")  # fmt: skip
 
 
 def command(given) -> dict:
     """Run the study with its options; returns what the command prints."""
     table = study(
         data.load_unseen(given.recording), given.recording, given.out, given.encoders, given.seeds,
-        device=given.device, long=given.long, workers=given.workers,
+        device=given.device, long=given.long, features=not given.no_features,
+        workers=given.workers,
         progress=lambda results, total: bar(results, total=total, desc="encoders"),
     )  # fmt: skip
     return options.result(given, FILE, table)

@@ -150,6 +150,8 @@ def in_use(
 ) -> Figure:
     """Two scores of the network behind each encoder. Arrows lead from stage to stage.
 
+    An arrow joins means over the seeds that its later stage has.
+
     Args:
         stages: tables with a column `encoder`, in the order of their lengths.
         others: encoders without a length, one mark each.
@@ -159,13 +161,13 @@ def in_use(
     figure, axes = plt.subplots(figsize=(style.WIDTH, 4.4))
     names = list(dict.fromkeys(next(iter(stages.values()))["encoder"]))
     for i, name in enumerate(names):
-        path = []
-        for table in stages.values():
-            own = table[table["encoder"] == name]
+        path = [table[table["encoder"] == name] for table in stages.values()]
+        means = [own[[x, y]].mean() for own in path]
+        for own in path:
             axes.plot(own[x], own[y], MARKS[i], color=COLOURS[i], ms=3, alpha=0.45)
-            path.append((own[x].mean(), own[y].mean()))
-        axes.plot(*zip(*path, strict=True), MARKS[i], color=COLOURS[i], ms=7, label=name)
-        for start, end in zip(path, path[1:], strict=False):
+        axes.plot(*zip(*means, strict=True), MARKS[i], color=COLOURS[i], ms=7, label=name)
+        for before, own, end in zip(path, path[1:], means[1:], strict=False):
+            start = before.loc[before["seed"].isin(own["seed"]), [x, y]].mean()
             arrow = {"arrowstyle": "->", "color": COLOURS[i], "lw": 1.4}
             axes.annotate("", end, start, arrowprops=arrow)
     for k, (name, own) in enumerate(others.groupby("encoder", sort=False)):

@@ -10,12 +10,11 @@ from ptae_lite import artefacts
 from ptae_lite.files import atomic_write
 from ptae_lite.reproduce import checks, fingerprints
 from ptae_lite.reproduce.rerun import Rerun
-from ptae_lite.reproduce.stages import Stage
+from ptae_lite.reproduce.stages import OF_A_MACHINE, Stage
 from ptae_lite.reproduce.view import duration
 
 AGREES, IN_PART, DIFFERS = "agrees", "in part", "DIFFERS"
 TAKEN, NEW, MISSING = "not re-made", "new", "NOT MADE"
-OF_A_MACHINE = {"results/benchmarks.csv"}  # times, which another run does not repeat
 
 
 class Row(NamedTuple):

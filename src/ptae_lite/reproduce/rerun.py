@@ -23,7 +23,7 @@ from ptae_lite.errors import PTAEError
 from ptae_lite.experiments import tables
 from ptae_lite.files import atomic_write
 from ptae_lite.reproduce.fingerprints import library
-from ptae_lite.reproduce.stages import STAGES, Stage
+from ptae_lite.reproduce.stages import OF_A_MACHINE, STAGES, Stage
 from ptae_lite.reproduce.view import View
 
 FORMAT = "ptae-lite re-run 1"
@@ -145,6 +145,7 @@ class Rerun:
     def go(self, stream=None) -> Stage | None:
         """Do all stages that are not finished; returns the stage that failed, or None."""
         self._write()  # so the folder is known as a re-run's, even if the first stage is stopped
+        self._adopt(OF_A_MACHINE)
         done = [i for i, stage in enumerate(self.stages) if self.finished(stage)]
         spent = {i: self.state["done"][self.stages[i].name]["minutes"] for i in done}
         estimates = [
@@ -218,11 +219,16 @@ class Rerun:
 
     def _take(self, stage: Stage) -> None:
         """Copy the files of a stage that is left out from the stored ones, marked as taken."""
+        taken = self._adopt(stage.makes)
+        self._finish(stage, TAKEN, 0.0, [f"data/{name}" for name in taken])
+
+    def _adopt(self, names) -> list[str]:
+        """Copy those of the files that are stored; returns their names."""
         there = artefacts.manifest(self.settings.stored)
-        taken = [name for name in stage.makes if name in there]
+        taken = [name for name in names if name in there]
         for name in taken:
             artefacts.adopt(name, self.settings.stored, self.settings.data)
-        self._finish(stage, TAKEN, 0.0, [f"data/{name}" for name in taken])
+        return taken
 
     def _finish(self, stage: Stage, command: str, minutes: float, files: list[str]) -> None:
         self.state["done"][stage.name] = {

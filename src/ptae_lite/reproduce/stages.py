@@ -87,19 +87,20 @@ ENCODERS = {  # trained as long as the stored ones; the study trains the plain o
     "weights/cae.safetensors": "encoders/separated_3x10_seed0/encoder_128000.safetensors",
     "weights/plain_cae.safetensors": "encoders/plain_10_seed0/encoder_128000.safetensors",
 }
+OF_A_MACHINE = {"results/benchmarks.csv"}  # times: no stage repeats them, its book shows them
 STAGES = (
     Stage("recording", "ptae_lite record --out {out}/recording", {
         "recording/samples.npz": arrays({"joints_rad": 0.01, "cubes": 0.01, "touched": 0}),
         "recording/frames.zip": pictures(2)}, 5, simulator=True),
     Stage("encoders", "ptae_lite study encoders --workers 2 --recording {out}/recording "
           "--encoders {out}/encoders --seeds {seeds} --device {device} "
-          "--out {out}/results", {
+          "[--no-features] --out {out}/results", {
         "results/encoders.csv": table(encoders.KEY[:4], SEEN, 0.9),
         "results/encoder_reconstructions.npz": arrays(
             dict.fromkeys((*encoders.CAES, *encoders.PCAS), 10), 0.85),
         "weights/cae.safetensors": reconstruction(0.25),
         "weights/plain_cae.safetensors": reconstruction(0.25)},
-        1, 19, simulator=True, lies=ENCODERS),
+        1, 22, simulator=True, lies=ENCODERS),
     Stage("features", "ptae_lite features --data {out}/recording "
           "--encoder {out}/encoders/separated_3x10_seed0/encoder_128000.safetensors",
           {"recording/features.npz": PROBED}, 1, simulator=True),
@@ -112,7 +113,7 @@ STAGES = (
         "results/family.csv": table(family.KEY, SCORED, 0.9),
         "results/family_curves.csv": table([*family.KEY, "epoch"], {"accuracy": (25, 0)}, 0.8),
         "weights/ptae.safetensors": SCORES, "weights/ptae_adam.safetensors": SCORES},
-        0, 27, minutes_of_one=7,
+        0, 27, minutes_of_one=9,
         lies={f"weights/{name}.safetensors": f"weights/{name}_seed0.safetensors"
               for name in ("ptae", "ptae_adam")}),
     Stage("recipes", "ptae_lite study recipes --workers 2 --models ptae --modes samples "
@@ -128,7 +129,7 @@ STAGES = (
         "results/supervision.csv": table(supervision.KEY, SCORED, 0.9),
         "results/supervision_sentences.csv": table([*supervision.KEY, "sample"], ANSWERS, 0.7),
         "weights/ptae_labelled_5_seed0.safetensors": scores(10, 1.5),  # 33 labels say little
-        "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 50, minutes_of_one=14),
+        "weights/ptae_labelled_20_seed0.safetensors": SCORES}, 1, 50, minutes_of_one=15),
     Stage("stories", "ptae_lite.experiments.conflict_examples --recording {out}/recording "
           "--out {out}/results", {
         "results/incongruence_examples.csv": texts(conflict_examples.KEY, "answer", 0.6),
@@ -145,7 +146,7 @@ STAGES = (
         "weights/one_look_policy_seed0.safetensors": SCORES},
         2, 20, minutes_of_one=8, simulator=True),
     Stage("corrections",
-          "ptae_lite corrections --workers 2 --out {out}/corrections", {}, 9, simulator=True,
+          "ptae_lite corrections --workers 2 --out {out}/corrections", {}, 10, simulator=True,
           leaves=("corrections/clips.npz",)),
     Stage("corrections of the controls", "ptae_lite.reproduce.run_parallel "
           "ptae_lite corrections --without added-noise --workers 1 --count 648 "
@@ -157,10 +158,10 @@ STAGES = (
           "--out {out}/results", {
         "results/disturbances.csv": table(
             disturbances.KEY, {"^(knows|unaware|valid)$": (0, 0), "_m$": (1e-4, 0)}, 0.95)},
-        8, simulator=True),
+        5, simulator=True),
     Stage("places", "ptae_lite study places --clips {out}/corrections --out {out}/results",
           {"results/places.csv": table([*places.KEY, "axis"], {"error_mm": (0.5, 0.2)}, 0.9)},
-          2, simulator=True),
+          1, simulator=True),
     Stage("controls of open eyes", "ptae_lite study watching --split held_out --workers 2 "
           "--seeds 0 --conditions moved --clips {out}/corrections --weights {out}/weights "
           "--models watching one_look_policy frozen recorded_only eighth blind_on_clips "
@@ -178,6 +179,6 @@ STAGES = (
         "results/watching_episodes.npz": episodes(0.7),
         "results/corrected_strips.npz": STRIPS,
         "weights/watching_seed0.safetensors": SCORES}, 3, 14, simulator=True),
-    Stage("book", "ptae_lite.book.site --out {out}", minutes=3,
+    Stage("book", "ptae_lite.book.site --out {out}", minutes=5,
           leaves=("html/index.html", "chapter_times.json")),
 )  # fmt: skip

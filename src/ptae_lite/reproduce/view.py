@@ -28,11 +28,13 @@ class View:
     ):
         self.names, self.estimates, self.spent = list(names), list(estimates), dict(spent)
         self.stream, self.clock = stream or sys.stderr, clock
-        self.at, self.begun, self.share, self.shown = 0, clock(), 0.0, -QUIET_S
+        self.at, self.begun, self.shown = 0, clock(), -QUIET_S
+        self.share, self.again = 0.0, False
 
     def begin(self, at: int) -> None:
         """Stage number `at` begins."""
-        self.at, self.begun, self.share, self.shown = at, self.clock(), 0.0, -QUIET_S
+        self.at, self.begun, self.shown = at, self.clock(), -QUIET_S
+        self.share, self.again = 0.0, False
         self.show()
 
     def done(self) -> float:
@@ -42,8 +44,13 @@ class View:
         return minutes
 
     def tick(self, share: float | None) -> None:
-        """Set how far the stage is, from 0 to 1; None if nothing new is known."""
-        self.share = self.share if share is None else share
+        """Set how far the stage is, from 0 to 1; None if nothing new is known.
+
+        If it falls, a further part of the stage has begun. Then no share is one of the whole stage.
+        """
+        if share is not None:
+            self.again = self.again or share < self.share
+            self.share = share
         self.show()
 
     def minutes_left(self) -> float:
@@ -52,7 +59,7 @@ class View:
         speed = sum(self.spent.values()) / planned if planned > 2 else 1.0
         gone = (self.clock() - self.begun) / 60
         mine = max(self.estimates[self.at] * speed - gone, 0)
-        if self.share > 0.05:  # the stage's own progress is a better estimate
+        if self.share > 0.05 and not self.again:  # the stage's own progress is a better estimate
             mine = gone * (1 - self.share) / self.share
         later = range(self.at + 1, len(self.names))
         return mine + speed * sum(self.estimates[i] for i in later if i not in self.spent)
@@ -62,7 +69,7 @@ class View:
         if not self.stream.isatty() and self.clock() - self.shown < QUIET_S:
             return
         self.shown = self.clock()
-        share = f" {self.share:.0%}" if self.share else ""
+        share = f" {self.share:.0%}" if self.share and not self.again else ""
         self._write(f"{self._place()}{share}, about {duration(self.minutes_left())} left in all")
 
     def _place(self) -> str:
