@@ -185,7 +185,7 @@ def _strips(name: str, remade: Path, stored: Path) -> Comparison:
         return Comparison(False, OTHER_SHAPES)
     videos = [n for n, a in was.items() if a.dtype == np.uint8]
     light = {n: tuple(a[n].mean((-3, -2)) for a in (made, was)) for n in videos}  # of pictures
-    return near(light, dict.fromkeys(videos, (10, 0)), 0.7)
+    return near(light, dict.fromkeys(videos, (10, 0)), 0.9)
 
 
 def episodes(share: float) -> Check:
@@ -272,7 +272,7 @@ def scores(accuracy: float, nrmse: float) -> Check:
 
 
 STRIPS = Check(
-    "70% of its pictures of the same light, ± 10 levels; the episodes are others", _strips
+    "90% of its pictures of the same light, ± 10 levels; the episodes are others", _strips
 )
 PROBED = Check("the linear baseline reads as many clips right, ± 5 points", _probe)
 SCORES = scores(5, 0.5)
