@@ -233,6 +233,14 @@ def test_a_study_has_rows_for_every_eye_checkpoint_and_split(study):
         )
 
 
+def test_features_can_be_left_out(study):
+    study((0,), {"plain 10": (10,)}, features=False)
+    work = study.folder / "work"
+    assert list(work.glob("*/encoder_*")) and not list(work.glob("*/features_*"))
+    study((0,), {"plain 10": (10,)})
+    assert len(list(work.glob("*/features_*"))) == 2  # of the CAE and of the PCA
+
+
 @pytest.mark.slow
 def test_a_row_is_what_a_training_of_that_length_gives(study):
     table = study().set_index(encoders.KEY)["sum"]

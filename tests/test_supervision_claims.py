@@ -671,13 +671,14 @@ def test_found_labels_help_ptae_as_much_as_the_linear_baseline(table, theirs):
     )
     few = [5, 10, 20]
     finding((looked[few] > network[few] + 2).all(), *where, "it pays more than a network")
-    sums_there = mean(theirs, "linear", variant="pseudo-labels")
+    ahead = listed(theirs, "ptae") - listed(theirs, "linear", variant="pseudo-labels")
+    ahead = ahead.dropna().unstack()  # with the same lists
+    assert ahead.loc[[5, 10, 20]].notna().sum(axis=1).eq(3).all()
+    said = "on the authors' data PTAE alone is ahead of found sentences from a tenth on"
     finding(
-        (mean(theirs, "ptae")[few[1:]] > sums_there[few[1:]]).all(),
-        "in_depth/04_pseudo_labels",
-        "Key result",
-        "on the authors' data PTAE alone is ahead of the baseline with found sentences",
+        (ahead.loc[[10, 20]] > 0).all(axis=None), "in_depth/04_pseudo_labels", "Key result", said
     )
+    finding(ahead.loc[5].mean() < 0, "in_depth/04_pseudo_labels", "Key result", "not with less")
     finding(
         abs((found - sums).dropna().mean()) < 3, *where, "no more and no less than the baseline"
     )
